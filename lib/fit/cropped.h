@@ -70,8 +70,9 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
                                      hada_fit_kept *kept, int passes, hada_error *err);
 void hada_fit_transfers_free(hada_fit_transfers *transfers);
 
-/* For a single depth: what is left of each frame of `held`, a sum of squares. Its pairs are not in the sums. */
+/* For a single depth: what is left of each frame of `held`, a sum of squares. Its pairs are not in the sums. light (may
+ * be NULL): how much light of the first channel's scenes reaches the grid, |H(0)|. */
 hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int passes, hada_fit_reader *held,
-                                    double *left, hada_error *err);
+                                    double *left, double *light, hada_error *err);
 
 #endif

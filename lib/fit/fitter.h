@@ -92,8 +92,8 @@ hada_status hada_fit_find_bad_pixels(const hada_fit_options *sizes, const hada_d
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
                                hada_error *err);
 /* Whether frames, taken for linear, seem to be encoded so (hadalens/response.h): decoded, they are explained better. */
-hada_status hada_fit_seem_encoded(const hada_fit_options *options, const hada_dataset *pairs, double encoding,
-                                  int *seem, hada_error *err);
+hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
+                                  double encoding, int *seem, hada_error *err);
 /* Compares what a survey chose with other responses, and with exposures alike, as boundaries are compared: with the
  * crop in the model. Has the survey choose what is better. */
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,

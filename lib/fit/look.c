@@ -49,7 +49,7 @@ void hada_look_return(hada_look *at)
 }
 
 hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
-                              hada_error *err)
+                              double *light, hada_error *err)
 {
     hada_fit_options options = *at->options;
     hada_fitter *fitter = NULL;
@@ -72,7 +72,7 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
     HADA_TRY_OR_DONE(hada_fit_reader_create(&from, at->learned, &fitter->pair, options.monitor, WHY, err));
     HADA_TRY_OR_DONE(hada_fit_reader_create(&held, others, &fitter->pair, NULL, WHY, err));
     hada_slot_watch(fitter->grid.slot, options.monitor);
-    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, PASSES, &held, left, err));
+    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, PASSES, &held, left, light, err));
 done:
     hada_fit_reader_destroy(&from);
     hada_fit_reader_destroy(&held);
@@ -83,7 +83,7 @@ done:
 hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left, hada_error *err)
 {
     double each[HADA_LOOK_HELD];
-    HADA_TRY(hada_look_explain(at, rows, cols, at->held_out, each, err));
+    HADA_TRY(hada_look_explain(at, rows, cols, at->held_out, each, NULL, err));
     *left = 0.0;
     for (int k = 0; k < at->held; k++)
         *left += each[k];

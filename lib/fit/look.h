@@ -33,9 +33,9 @@ void hada_look_return(hada_look *at);
 
 /* What is left of the frames held out, learned on a grid of rows x cols; 0: of the size that holds all light. */
 hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left, hada_error *err);
-/* The same of each frame of other pairs, of one channel and depth. */
+/* The same of each frame of other pairs, of one channel and depth; light (may be NULL): |H(0)|. */
 hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
-                              hada_error *err);
+                              double *light, hada_error *err);
 
 /* A side of the grid with overhang number k; and both sides of the grid that holds all light, with options->boundary.
  */

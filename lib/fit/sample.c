@@ -61,8 +61,6 @@ hada_status hada_sample_take(hada_sample *work, hada_error *err)
 hada_status hada_sample_begin(hada_sample *work, hada_error *err)
 {
     HADA_TRY(hada_reducer_create(&work->reducer, &work->options, err));
-    if (work->encoding != 0.0)
-        work->reducer.response = work->encoding;
     HADA_TRY(hada_pair_level_create(&work->level, work->reducer.grid, work->options.channels, HADA_SAMPLE_MOST, err));
     return hada_sample_take(work, err);
 }

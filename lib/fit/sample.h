@@ -24,8 +24,7 @@ typedef struct hada_sample {
     const int *counts; /* pairs of each depth */
     hada_progress progress;
     hada_reducer reducer;
-    double encoding; /* of the frames; 0: linear */
-    int tried;       /* responses: 1 where it is given; 0: frames alone are looked at */
+    int tried; /* responses: 1 where it is given; 0: frames alone are looked at */
     const double *response;
     hada_pair_level level;
     double dark; /* taken off the frames by who looks for a level */

@@ -23,9 +23,6 @@ _Static_assert((int)RESPONSES <= (int)HADA_SAMPLE_RESPONSES, "room for responses
  * were exposed alike it takes off a few percent, on those exposed by a factor of two it left a fiftieth. */
 #define APART_BELOW 0.5
 
-/* Frames seem to be encoded where decoding them leaves less by this factor. */
-#define ENCODED_BETTER 1.5
-
 /* A survey and what it points to. */
 typedef struct owned_survey {
     hada_survey survey;
@@ -141,45 +138,6 @@ static hada_status expose_all(owned_survey *own, hada_sample *work, hada_error *
         HADA_TRY(expose_depth(work, z, own->gain[z], err));
     own->survey.gains = (const double *const *)own->gain;
     return HADA_OK;
-}
-
-/* Logarithms of what is unexplained of frames in an encoding, with the response that leaves least. */
-static hada_status left_encoded(hada_sample *work, double encoding, double *left, hada_error *err)
-{
-    double least = INFINITY;
-    work->encoding = encoding;
-    HADA_TRY(hada_sample_begin(work, err));
-    if (work->count < HADA_SAMPLE_LEAST)
-        return HADA_OK;
-    hada_sample_compare(work);
-    for (int r = 0; r < work->tried; r++) {
-        const double *now = work->unexplained[r][0], mean = hada_sample_mean(now, work->count);
-        for (int k = 0; mean < least && k < work->count; k++)
-            left[k] = log(fmax(now[k], HADA_LEAST_SHARE));
-        least = fmin(least, mean);
-    }
-    return HADA_OK;
-}
-
-hada_status hada_fit_seem_encoded(const hada_fit_options *options, const hada_dataset *pairs, double encoding,
-                                  int *seem, hada_error *err)
-{
-    const int *counts = hada_dataset_get_info(pairs)->counts;
-    double left[2][HADA_SAMPLE_MOST] = {{0.0}};
-    int count = 0;
-    hada_status status = HADA_OK;
-    *seem = 0;
-    for (int k = 0; k < 2 && !status; k++) {
-        hada_sample work = {.options = *options, .pairs = pairs, .counts = counts, .response = responses};
-        work.tried = RESPONSES;
-        status = left_encoded(&work, k ? encoding : HADA_RESPONSE_LINEAR, left[k], err);
-        count = work.count;
-        hada_sample_end(&work);
-    }
-    for (int k = 0; k < count; k++)
-        left[0][k] -= left[1][k];
-    *seem = !status && count >= HADA_SAMPLE_LEAST && hada_sample_is_better(left[0], count, log(ENCODED_BETTER));
-    return status;
 }
 
 static hada_status make(owned_survey *own, hada_sample *work, hada_exposure exposure, hada_error *err)

@@ -309,8 +309,9 @@ done:
 }
 
 hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int count, hada_fit_reader *held,
-                                    double *left, hada_error *err)
+                                    double *left, double *light, hada_error *err)
 {
+    float direct[2] = {0.0f};
     hada_fit_kept none = {0};
     passes with = {.sums = sums, .from = from, .kept = &none};
     hada_fit_pair *pair = held->pair;
@@ -319,6 +320,10 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, 
     HADA_TRY_OR_DONE(make_room(&with, err));
     HADA_TRY_OR_DONE(open_depth(&with, 0, err));
     HADA_TRY_OR_DONE(solve(&with, 0, count, 0, &transfers, err));
+    if (light) {
+        HADA_TRY_OR_DONE(hada_buffer_read(transfers, pair->grid->slot, 0, direct, sizeof direct, err));
+        *light = hypot(direct[0], direct[1]);
+    }
     for (int k = 0; k < hada_dataset_get_info(held->pairs)->pairs; k++) {
         HADA_TRY_OR_DONE(hada_fit_read(held, 0, k, -1, err));
         HADA_TRY_OR_DONE(upload(&with, &pair->raw, &pair->scene_spectrum, err));

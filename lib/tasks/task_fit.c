@@ -461,7 +461,7 @@ static hada_status look_at_sums(learning *of, hada_error *err)
 }
 
 /* What the values of the frames' files are, and whether they seem to be something else. */
-static hada_status tell_frames(const learning *of, int *encoded, hada_error *err)
+static hada_status tell_frames(const learning *of, hada_context *context, int *encoded, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(of->data);
     const double encoding = of->data->store->frame_encoding;
@@ -481,7 +481,7 @@ static hada_status tell_frames(const learning *of, int *encoded, hada_error *err
     const double way = encoding == HADA_AUTO ? file->encoding : encoding;
     if (file->bits > 8 || (way != 0.0 && way != HADA_RESPONSE_LINEAR))
         goto done;
-    HADA_TRY_OR_DONE(hada_fit_seem_encoded(&of->fit, of->data, HADA_RESPONSE_SRGB, encoded, err));
+    HADA_TRY_OR_DONE(hada_fit_seem_encoded(&of->fit, context, of->data, HADA_RESPONSE_SRGB, encoded, err));
     if (*encoded)
         hada_monitor_tell(of->task.monitor, HADA_MESSAGE_NOTE,
                           "raw frames seem to be encoded for displays: taken for sRGB, they are explained far better; "
@@ -535,7 +535,7 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(hada_fit_check_content(of->data, err));
     if (of->fit.leave_one_out)
-        HADA_TRY(tell_frames(of, &encoded, err));
+        HADA_TRY(tell_frames(of, context, &encoded, err));
     HADA_TRY(look_at_sums(of, err));
     HADA_TRY(hada_fit_mend(&of->mended, &of->data, context, &of->fit, &of->ranks, !task->save_sums && !encoded, err));
     HADA_TRY(leave_out(of, context, err));

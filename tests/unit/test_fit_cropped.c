@@ -594,4 +594,45 @@ TEST(exposures_are_confirmed)
         }
 }
 
+/* Between depths, of which one has a single pair, nothing but the light that they have says what the exposures are. */
+TEST(depths_become_as_bright)
+{
+    enum { SEVERAL = 3 };
+    static const double gains[SEVERAL * PAIRS] = {0.6, 1.0, 1.5, 1.1, 2.1, 0.9, 1.3, 1.6, 0.7}, at[] = {90, 150, 400};
+    static const int pairs[SEVERAL] = {PAIRS, PAIRS, 1};
+    const fixture *f = *state;
+    for (uint64_t seed = 1; seed < 4; seed++) {
+        hada_fit_options options = helpers_fit(SEVERAL, CHANNELS, at, ROWS, COLS, WINDOW);
+        hada_image scenes[SEVERAL * PAIRS] = {{0}}, frames[SEVERAL * PAIRS] = {{0}};
+        hada_dataset *data;
+        hada_survey *survey;
+        for (int i = 0; i <= 2 * PAIRS; i++) {
+            SCOPED(hada_image) psf = spots(0.8, seed + 300 + (uint64_t)(i / PAIRS));
+            double light = 0.0;
+            for (size_t k = 0; k < hada_image_count(&psf); k++)
+                light += (double)psf.data[k] / CHANNELS;
+            for (size_t k = 0; k < hada_image_count(&psf); k++)
+                psf.data[k] /= (float)light;
+            scenes[i] = squares(100 * seed + (uint64_t)i);
+            frames[i] = expose(&psf, &scenes[i], 100 * seed + (uint64_t)i);
+            for (size_t k = 0; k < hada_image_count(&frames[i]); k++)
+                frames[i].data[k] *= (float)gains[i];
+        }
+        options.boundary = HADA_BOUNDARY_PADDED;
+        options.scene_response = HADA_RESPONSE_LINEAR;
+        ASSERT_OK(hada_dataset_from_images(&data, SEVERAL, at, pairs, frames, scenes, err));
+        ASSERT_OK(hada_survey_create(&survey, &options, data, HADA_EXPOSURE_EACH, err));
+        ASSERT_OK(hada_fit_confirm_survey(survey, &options, HADA_EXPOSURE_EACH, f->context, data, err));
+        for (int i = 0; i <= 2 * PAIRS; i++) {
+            const double found = survey->gains[i / PAIRS][i % PAIRS] / survey->gains[0][0] * gains[0] / gains[i];
+            if (fabs(found - 1.0) > 0.02)
+                fail_msg("seed %d, pair %d: the exposure is wrong by a factor of %g", (int)seed, i, found);
+        }
+        hada_survey_destroy(&survey);
+        hada_dataset_destroy(&data);
+        destroy_images(scenes, SEVERAL * PAIRS);
+        destroy_images(frames, SEVERAL * PAIRS);
+    }
+}
+
 FIXTURE(set_up_both, tear_down_both)

@@ -300,8 +300,10 @@ TEST(bad_pixels_are_found)
 /* Frames that were encoded for displays are recognised, others are not. */
 TEST(encoded_frames_are_recognised)
 {
+    hada_context *context;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
     for (int k = 1; k < 3; k++) {
-        const hada_fit_options options = sizes();
+        const hada_fit_options options = helpers_fit(DEPTHS, CHANNELS, distances, ROWS, COLS, WINDOW);
         pairs set;
         int seem;
         make_pairs(&set, k & 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, 0, 0.003, 51 + (uint64_t)k);
@@ -310,10 +312,11 @@ TEST(encoded_frames_are_recognised)
             hada_response_convert(frame->data, hada_image_count(frame), HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB);
         }
         SCOPED(hada_dataset) *data = data_of(&set, counts);
-        ASSERT_OK(hada_fit_seem_encoded(&options, data, HADA_RESPONSE_SRGB, &seem, err));
+        ASSERT_OK(hada_fit_seem_encoded(&options, context, data, HADA_RESPONSE_SRGB, &seem, err));
         assert_int_equal(seem, k >> 1);
         free_pairs(&set);
     }
+    close_context(&context);
 }
 
 /* A scene made as bright as its frame was exposed, in its own encoding. */

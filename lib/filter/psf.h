@@ -10,6 +10,7 @@ typedef struct hada_psf_seen {
     double noise;      /* standard deviation of the dark pixels */
     double peak;       /* of the brightest pixel, above the background */
     double dark;       /* share of the pixels that are 0 now */
+    size_t hot;        /* pixels that were hot and became as their neighbours */
     double border;     /* light of a pixel at the border, over that of a mean pixel; before the taper */
 } hada_psf_seen;
 

@@ -5,6 +5,7 @@
 
 #include "core/base.h"
 #include "filter/psf.h"
+#include "image/correct.h"
 #include "image/statistics.h"
 
 /* Light is what rises above the background by GATE deviations of the noise: a pixel, or the mean of those about it,
@@ -247,19 +248,68 @@ double hada_psf_light(const hada_image *psf)
     return total;
 }
 
+/* The light above the median, of what is more than noise. */
+static double light_of(const hada_image *psf, float *room)
+{
+    const size_t count = hada_image_count(psf);
+    hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
+    double light = 0.0;
+    hada_pixels_of_image(&pixels, psf);
+    memcpy(room, psf->data, count * sizeof *room);
+    const double dark =
+        hada_select_rank(room, count, count / 2) + GATE * hada_noise_estimate(&pixels, HADA_MOSAIC_NONE);
+    for (size_t i = 0; i < count; i++)
+        light += fmax(psf->data[i] - dark, 0.0);
+    return light;
+}
+
+/* Hot pixels become as their neighbours. Without them this share of the light must be left: else it is spots of single
+ * pixels. */
+#define LEFT 0.3
+
+static hada_status repair_hot(hada_image *psf, size_t *hot, hada_error *err)
+{
+    hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
+    hada_image repaired = {0};
+    size_t *list = NULL;
+    float *room = NULL;
+    hada_status status = HADA_OK;
+    hada_pixels_of_image(&pixels, psf);
+    HADA_TRY_OR_DONE(hada_bad_pixels_find(&pixels, HADA_MOSAIC_NONE, 1, &list, hot, err));
+    if (!*hot)
+        goto done;
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(room, hada_image_count(psf), "a point spread function", err));
+    HADA_TRY_OR_DONE(hada_image_copy(&repaired, psf, err));
+    for (size_t i = 0; i < *hot; i++)
+        repaired.data[list[i]] = NAN;
+    HADA_TRY_OR_DONE(hada_frame_repair(&repaired, HADA_MOSAIC_NONE, hot, err));
+    if (light_of(&repaired, room) < LEFT * light_of(psf, room))
+        *hot = 0;
+    else
+        memcpy(psf->data, repaired.data, hada_image_count(psf) * sizeof *psf->data);
+done:
+    hada_image_destroy(&repaired);
+    HADA_FREE(list, room);
+    return status;
+}
+
 hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, hada_psf_seen *seen, hada_error *err)
 {
     const size_t pixels = (size_t)psf->rows * (size_t)psf->cols;
     hada_psf_seen own;
     double light = 0.0;
     float *room = NULL;
+    hada_status status;
     if (options->psf_dark != 0.0)
         HADA_TRY(HADA_NEW_RAW(room, 2 * pixels + (size_t)(psf->rows + psf->cols), "a point spread function", err));
     seen = seen ? seen : &own;
     *seen = (hada_psf_seen){0};
-    for (int c = 0; c < psf->channels; c++)
+    status = options->psf_dark != 0.0 ? repair_hot(psf, &seen->hot, err) : HADA_OK;
+    for (int c = 0; c < psf->channels && !status; c++)
         light += clean_channel(psf->data + (size_t)c * pixels, psf, options, seen, room);
     free(room);
+    if (status)
+        return status;
     return light > 0.0
                ? HADA_OK
                : hada_fail(err, HADA_ERROR_NUMERIC,

@@ -19,6 +19,9 @@ enum { OMITTED = 3 };
 #define LEAST_NOISE 1e-3
 /* If more than this share of a frame's values seem bad, they belong to what the camera shows. */
 #define MOST_BAD 5e-3
+/* One that is alone has so many times as much light as those seven have, beyond so many deviations of noise. */
+#define ALONE       10.0F
+#define ALONE_NOISE 8.0F
 /* A first look: beyond three of the four nearest ones by so many times their range. */
 #define BEYOND_THREE 2.0F
 
@@ -36,7 +39,8 @@ static int middle_of(int i, int count, int step, int reach)
 typedef struct search {
     const hada_pixels *frame;
     hada_mosaic mosaic;
-    int step;     /* to the next pixel of the same colour */
+    int step; /* to the next pixel of the same colour */
+    int alone;
     float noise;  /* negative: not known yet */
     float *rooms; /* three rows */
     size_t *list, count, most;
@@ -61,6 +65,7 @@ static int is_bad(const search *of, int channel, int row, int col)
     const int near_row = middle_of(row, frame->rows, step, 1);
     const int near_col = middle_of(col, frame->cols, step, 1);
     float square[SQUARE] = {0.0F}, nearest[AROUND] = {0.0F}, value = 0.0F, room, most = 0.0F, sum = 0.0F;
+    float light = 0.0F, brightest = 0.0F;
     int count = 0, near = 0;
     for (int r = middle - reach; r <= middle + reach; r += step)
         for (int c = centre - reach; c <= centre + reach; c += step) {
@@ -79,7 +84,11 @@ static int is_bad(const search *of, int channel, int row, int col)
         const float beyond = fabsf(nearest[i] - median);
         sum += beyond;
         most = fmaxf(most, beyond);
+        light += nearest[i] - median;
+        brightest = fmaxf(brightest, nearest[i] - median);
     }
+    if (of->alone && value - median < ALONE * (light - brightest - ALONE_NOISE * of->noise))
+        return 0;
     const float low = square[OMITTED], high = square[SQUARE - 1 - OMITTED];
     return fabsf(value - median) > BEYOND_NEAREST * (sum - most) + BEYOND_NOISE * of->noise &&
            fmaxf(value - high, low - value) > BEYOND_RANGE * (high - low);
@@ -134,13 +143,14 @@ static int look_along(search *of, int channel, int row)
     return 1;
 }
 
-hada_status hada_bad_pixels_find(const hada_pixels *frame, hada_mosaic mosaic, size_t **list, size_t *count,
+hada_status hada_bad_pixels_find(const hada_pixels *frame, hada_mosaic mosaic, int alone, size_t **list, size_t *count,
                                  hada_error *err)
 {
     const size_t cols = (size_t)frame->cols, values = (size_t)frame->channels * (size_t)frame->rows * cols;
-    search of = {.frame = frame, .mosaic = mosaic, .step = mosaic == HADA_MOSAIC_NONE ? 1 : 2, .noise = -1.0F};
+    search of = {.frame = frame, .mosaic = mosaic, .alone = alone, .noise = -1.0F};
     hada_status status = HADA_OK;
     int few = 1;
+    of.step = mosaic == HADA_MOSAIC_NONE ? 1 : 2;
     of.most = (size_t)(MOST_BAD * (double)values);
     if (frame->rows < SIDE * of.step || frame->cols < SIDE * of.step)
         goto done;

@@ -254,7 +254,7 @@ static hada_status blank(hada_frame_exposure *exposure, size_t *blanked, hada_er
 /* Bad pixels as well. */
 static hada_status blank_bad(hada_frame_exposure *exposure, size_t *blanked, hada_error *err)
 {
-    HADA_TRY(hada_bad_pixels_find(&exposure->pixels, exposure->mosaic, &exposure->bad, &exposure->bad_count, err));
+    HADA_TRY(hada_bad_pixels_find(&exposure->pixels, exposure->mosaic, 0, &exposure->bad, &exposure->bad_count, err));
     if (exposure->bad_count)
         HADA_TRY(copy(exposure, err));
     for (size_t k = 0; k < exposure->bad_count; k++)

@@ -562,16 +562,18 @@ static hada_status read_all(psfs *of, hada_error *err)
 static hada_status tell_cleaned(const psfs *of, int z, const hada_psf_seen *seen, hada_error *err)
 {
     hada_psf_shape shape;
-    char where[64] = "", like[64] = "";
+    char where[64] = "", like[64] = "", hot[64] = "";
     HADA_TRY(hada_psf_measure(&shape, &of->image[z], z ? &of->image[z - 1] : NULL, err));
     if (of->count > 1)
         snprintf(where, sizeof where, ", depth %d", z + 1);
+    if (seen->hot)
+        snprintf(hot, sizeof hot, "; %zu hot pixel%s replaced", seen->hot, seen->hot == 1 ? "" : "s");
     if (z)
         snprintf(like, sizeof like, "; %.0f %% like the depth before", 100.0 * shape.alike);
     hada_monitor_tell(of->task->monitor, z ? HADA_MESSAGE_DETAIL : HADA_MESSAGE_INFO,
                       "%s%s: background %.4g taken off; noise is %.2g %% of the brightest pixel, and %.1f %% of the "
-                      "pixels, which are no brighter, are 0%s",
-                      of->path, where, seen->background, 100.0 * seen->noise / seen->peak, 100.0 * seen->dark,
+                      "pixels, which are no brighter, are 0%s%s",
+                      of->path, where, seen->background, 100.0 * seen->noise / seen->peak, 100.0 * seen->dark, hot,
                       seen->noise > NOISY * seen->peak ? "; the mean of several captures has less noise" : "");
     hada_monitor_tell(
         of->task->monitor, HADA_MESSAGE_DETAIL,
@@ -589,9 +591,9 @@ static hada_status clean(psfs *of, hada_error *err)
         HADA_TRY(hada_named(hada_psf_clean(&of->image[z], &of->options, &seen, err), of->path, err));
         HADA_TRY(tell_cleaned(of, z, &seen, err));
         border = fmax(border, seen.border);
-        if (z == of->worst && of->options.psf_dark != 0.0)
-            white = of->at_white * (of->white - seen.background) * (double)hada_image_count(&of->image[z]) /
-                    hada_psf_light(&of->image[z]);
+        if (z == of->worst && of->options.psf_dark != 0.0) /* hot pixels are no part of it */
+            white = (of->at_white * (double)hada_image_count(&of->image[z]) - (double)seen.hot) *
+                    (of->white - seen.background) / hada_psf_light(&of->image[z]);
     }
     if (border > BORDER && !of->options.psf_taper && !of->positions) /* others see what one of these misses */
         hada_monitor_tell(

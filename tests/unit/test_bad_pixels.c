@@ -27,7 +27,7 @@ static size_t found_in(const hada_image *image, hada_mosaic mosaic, size_t **lis
     size_t count;
     hada_pixels_init(&pixels);
     hada_pixels_of_image(&pixels, image);
-    ASSERT_OK(hada_bad_pixels_find(&pixels, mosaic, list, &count, err));
+    ASSERT_OK(hada_bad_pixels_find(&pixels, mosaic, 0, list, &count, err));
     return count;
 }
 

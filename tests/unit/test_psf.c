@@ -86,6 +86,39 @@ TEST(background_and_noise_are_taken_off)
     }
 }
 
+/* Hot pixels are replaced, beside spots that are hardly wider than a pixel as well; spots of single pixels stay. */
+TEST(hot_pixels_are_replaced)
+{
+    enum { HOT = 9 };
+    static const double widths[] = {0.45, 0.8, 2.0};
+    for (size_t k = 0; k <= HADA_COUNT(widths); k++) {
+        SCOPED(hada_image)
+        psf = k < HADA_COUNT(widths) ? spots(ROWS, COLS, 1.0, widths[k]) : spots(ROWS, COLS, 1.0, 0.01);
+        SCOPED(hada_image) right = {0};
+        DEFAULTS(hada_psf_options, options);
+        hada_random random;
+        hada_psf_seen seen;
+        float most = 0.0F;
+        hada_random_seed(&random, 8, 0);
+        for (int s = 0; s < SPOTS && k == HADA_COUNT(widths); s++)
+            psf.data[(size_t)(7 + 5 * s) * COLS + (size_t)(11 * s + 3) % COLS] = 1.0F;
+        for (size_t i = 0; i < hada_image_count(&psf); i++) {
+            psf.data[i] = isfinite(psf.data[i]) && psf.data[i] < 10.0F ? psf.data[i] : 0.0F;
+            most = fmaxf(most, psf.data[i]);
+        }
+        for (size_t i = 0; i < hada_image_count(&psf); i++)
+            psf.data[i] += (float)(0.05 + 0.002 * most * hada_random_normal(&random));
+        ASSERT_OK(hada_image_copy(&right, &psf, err));
+        ASSERT_OK(hada_psf_clean(&right, &options, &seen, err));
+        assert_int_equal(seen.hot, 0);
+        for (int i = 0; i < HOT && k < HADA_COUNT(widths); i++)
+            psf.data[(i * 10 + 4) * COLS + (i % 3 ? 2 * i : COLS - 1 - 2 * i)] += i % 2 ? 1.2F * most : 0.5F * most;
+        ASSERT_OK(hada_psf_clean(&psf, &options, &seen, err));
+        assert_int_equal(seen.hot, k < HADA_COUNT(widths) ? HOT : 0);
+        assert_true(distance(&psf, &right) < 0.02);
+    }
+}
+
 /* Files hold nothing below black: the noise's negative half is gone, more of it or less, in whole steps or not. */
 TEST(noise_below_black_is_cut_off)
 {

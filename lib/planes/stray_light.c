@@ -17,10 +17,19 @@
 #include "image/small_fft.h"
 #include "model/model.h"
 
-/* Cells a side of the grid, for a first look and for the answer; the least pixels of a cell's side; depths that take
- * part, at most; iterations of the first look, those that tell whether there is any, and those after which its surface
- * is known. */
-enum { FEW_CELLS = 16, CELLS = 32, LEAST_PIXELS = 2, MOST_DEPTHS = 4, FEW_STEPS = 100, STEPS = 150, MORE_STEPS = 400 };
+/* Cells a side of the grid, for a first look and for the answer; the least pixels of a cell's side; channels
+ * at most, depths that take part at most; iterations of the first look, those that tell whether there is any, and those
+ * after which its surface is known. */
+enum {
+    FEW_CELLS = 16,
+    CELLS = 32,
+    LEAST_PIXELS = 2,
+    MOST_CHANNELS = 8,
+    MOST_DEPTHS = 4,
+    FEW_STEPS = 100,
+    STEPS = 150,
+    MORE_STEPS = 400
+};
 enum { TERMS = HADA_SMOOTH_TERMS };
 /* A cell is known where this share of its values is, and at most that share is saturated. */
 #define KNOWN_SHARE     0.1
@@ -453,7 +462,7 @@ hada_status hada_stray_light_find(const hada_frame_exposure *exposure, const had
     int terms, possible = 1;
     hada_status status = HADA_OK;
     *found = 0;
-    if (!model->otf || !cells_of(exposure->info, CELLS))
+    if (!model->otf || channels > MOST_CHANNELS || !cells_of(exposure->info, CELLS))
         return HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(share, (size_t)channels, "stray light", err));
     if (hada_exposure_is_weighted(exposure)) {

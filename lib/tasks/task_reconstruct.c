@@ -5,7 +5,6 @@
 #include "core/callers.h"
 #include "core/input.h"
 #include "dispatch/plan.h"
-#include "image/statistics.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
 #include "model/model.h"
@@ -218,33 +217,6 @@ static void tell_match(const run *own, const char *name)
             name);
 }
 
-/* A frame of which so much is unexplained, and whose darkest percent has this share of its mean, may have a dark level
- * that nobody mentioned. */
-#define MUCH_LEFT  0.05
-#define DARK_SHARE 0.4
-
-static void tell_dark(const run *own, const hada_streamed *frame, const char *name)
-{
-    const hada_report *report = frame->result.report;
-    hada_image image = {0};
-    hada_error error = {0};
-    double mean = 0.0;
-    if (own->plan->setup.options.dark != HADA_DARK_MODEL || report->dark != 0.0 || !(report->residual > MUCH_LEFT) ||
-        hada_pixels_copy(&frame->raw, &image, &error))
-        return;
-    const size_t count = hada_image_count(&image);
-    for (size_t i = 0; i < count; i++)
-        mean += (double)image.data[i] / (double)count;
-    const double level = hada_dark_estimate(image.data, count, image.data);
-    if (level > DARK_SHARE * mean)
-        hada_monitor_tell(
-            own->task.monitor, HADA_MESSAGE_NOTE,
-            "%s: no pixel is much darker than %.2g of full scale, and %.0f %% of the frame is unexplained; "
-            "if the sensor reads that much in the dark, take it off with options.dark",
-            name, level, 100.0 * report->residual);
-    hada_image_destroy(&image);
-}
-
 /* Compares a frame with the camera, if it is one of those that are. A comparison that fails is no failure of the
  * frame. */
 static void match_frame(run *own, const hada_streamed *frame)
@@ -254,7 +226,6 @@ static void match_frame(run *own, const hada_streamed *frame)
         (own->task.match == HADA_FILES_MATCH_FIRST && (own->matched || !own->plan->setup.config.joint)))
         return;
     own->matched = 1;
-    tell_dark(own, frame, own->names[own->todo[frame->file]]);
     own->match = (hada_match){.size = sizeof own->match};
     if (hada_plan_match(own->plan, &frame->raw, &own->match, &error)) {
         hada_monitor_tell(own->task.monitor, HADA_MESSAGE_DETAIL,

@@ -56,7 +56,7 @@ class Report:
         residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a
             share of it; NaN where not computed.
         dark: level taken off.
-        stray_light: light of a lamp, or through a gap in the housing: the mean of the smooth surface taken off; 0: none.
+        stray_light: light of a lamp or through a gap in the housing: the mean of what was taken off; 0: none.
         repaired_pixels: NaN and infinite pixels that were replaced.
         bad_pixels: values far beyond those around them, which were left out.
         saturated_pixels: values at the frame's upper end, taken for "at least this".

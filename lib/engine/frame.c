@@ -94,6 +94,7 @@ hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const h
     HADA_TRY_OR_DONE(hada_exposure_begin(&frame->exposure, info, &config->kind, raw, err));
     HADA_TRY_OR_DONE(HADA_NEW(frame->skip.spectra, channels, "a frame", err));
     HADA_TRY_OR_DONE(HADA_NEW(frame->skip.planes, channels, "a frame", err));
+    HADA_TRY_OR_DONE(HADA_NEW(frame->stray, channels * HADA_SMOOTH_TERMS, "a frame", err));
 done:
     if (status)
         free_parts(frame);

@@ -79,7 +79,7 @@ struct hada_frame {
     cl_mem device; /* the same values on the device, device_offset bytes into a buffer; NULL: they are not */
     size_t device_offset;
     hada_result *result;
-    double *stray;               /* stray light that was found, [channel][HADA_SMOOTH_TERMS]; NULL: none was */
+    double *stray;               /* room for stray light, [channel][HADA_SMOOTH_TERMS] */
     double kept_tv;              /* weight of total variation that an earlier frame found; 0: none is kept */
     uint64_t serial;             /* no two frames of a plan have the same; from 1 on */
     const hada_batches *batches; /* with `owner` for it to find its way back */

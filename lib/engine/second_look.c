@@ -57,8 +57,6 @@ static hada_status find(const hada_pipeline *pipeline, hada_frame *frame, int *f
     const hada_setup *setup = pipeline->setup;
     const int level_found =
         setup->options.dark == HADA_DARK_AUTO || hada_model_get_info(setup->model)->dark == HADA_AUTO;
-    if (!frame->stray)
-        HADA_TRY(HADA_NEW(frame->stray, weights_of(pipeline), "stray light", err));
     if (frame->exposure.stray) { /* it was that of the frame before */
         frame->examined = 0;
         HADA_TRY(hada_frame_examine(frame, err));
@@ -86,7 +84,6 @@ static void keep(hada_pipeline *pipeline, const hada_frame *frame)
     hada_report *report = &frame->result->memory->report;
     const size_t count = weights_of(pipeline);
     pipeline->stray.known = frame->exposure.stray != NULL;
-    report->stray_light = 0.0;
     if (!pipeline->stray.known)
         return;
     memcpy(pipeline->stray.weight, frame->stray, count * sizeof *frame->stray);
@@ -96,10 +93,7 @@ static void keep(hada_pipeline *pipeline, const hada_frame *frame)
 
 static hada_status carry_on(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    const size_t count = weights_of(pipeline);
-    if (!frame->stray)
-        HADA_TRY(HADA_NEW(frame->stray, count, "stray light", err));
-    memcpy(frame->stray, pipeline->stray.weight, count * sizeof *frame->stray);
+    memcpy(frame->stray, pipeline->stray.weight, weights_of(pipeline) * sizeof *frame->stray);
     HADA_TRY(hada_exposure_subtract(&frame->exposure, frame->stray, err));
     return load(pipeline, frame, err);
 }

@@ -615,13 +615,15 @@ static int is_too_sharp(const hada_setup *setup)
     const hada_model *model = setup->model;
     const size_t values = 2 * hada_model_plane(model), channels = (size_t)model->info.channels;
     const int last = setup->config.depths - 1, steps = last < 2 ? last : 2;
-    for (int k = 0; model->otf && k <= steps; k++)
+    if (!model->otf)
+        return 1;
+    for (int k = 0; k <= steps; k++)
         for (size_t c = 0; c < channels; c++) {
             const size_t depth = (size_t)setup->depths[steps ? k * last / steps : 0];
             if (hada_model_sharpness(model->otf + (depth * channels + c) * values, &model->info) > TOO_SHARP)
                 return 1;
         }
-    return !model->otf;
+    return 0;
 }
 
 hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,

@@ -26,9 +26,7 @@ static hada_status put_values(hada_frame_exposure *exposure, const float *weight
 
 int hada_pipeline_has_gaps(const hada_pipeline *pipeline, const hada_frame *frame)
 {
-    const hada_frame_exposure *exposure = &frame->exposure;
-    return pipeline->refiner &&
-           (exposure->repaired || exposure->bad_count || exposure->saturated || exposure->pixel_weights);
+    return pipeline->refiner && hada_exposure_has_gaps(&frame->exposure);
 }
 
 hada_status hada_pipeline_fill(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)

@@ -296,20 +296,18 @@ done:
 hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, hada_psf_seen *seen, hada_error *err)
 {
     const size_t pixels = (size_t)psf->rows * (size_t)psf->cols;
-    hada_psf_seen own;
+    hada_psf_seen own = {0};
     double light = 0.0;
     float *room = NULL;
-    hada_status status;
-    if (options->psf_dark != 0.0)
-        HADA_TRY(HADA_NEW_RAW(room, 2 * pixels + (size_t)(psf->rows + psf->cols), "a point spread function", err));
     seen = seen ? seen : &own;
     *seen = (hada_psf_seen){0};
-    status = options->psf_dark != 0.0 ? repair_hot(psf, &seen->hot, err) : HADA_OK;
-    for (int c = 0; c < psf->channels && !status; c++)
+    if (options->psf_dark != 0.0) {
+        HADA_TRY(repair_hot(psf, &seen->hot, err));
+        HADA_TRY(HADA_NEW_RAW(room, 2 * pixels + (size_t)(psf->rows + psf->cols), "a point spread function", err));
+    }
+    for (int c = 0; c < psf->channels; c++)
         light += clean_channel(psf->data + (size_t)c * pixels, psf, options, seen, room);
     free(room);
-    if (status)
-        return status;
     return light > 0.0
                ? HADA_OK
                : hada_fail(err, HADA_ERROR_NUMERIC,

@@ -42,7 +42,7 @@ typedef struct search {
     int step; /* to the next pixel of the same colour */
     int alone;
     float noise;  /* negative: not known yet */
-    float *rooms; /* three rows */
+    float *rooms; /* three rows, and one for the noise */
     size_t *list, count, most;
 } search;
 
@@ -101,7 +101,7 @@ static float noise_of(const search *of)
     float largest = 0.0F;
     for (int c = 0; c < frame->channels; c++)
         for (int row = 0; row < frame->rows; row++) {
-            const float *values = hada_pixels_floats(frame, c, (size_t)row * cols, cols, of->rooms);
+            const float *values = hada_pixels_floats(frame, c, (size_t)row * cols, cols, of->rooms + 3 * cols);
             for (size_t i = 0; i < cols; i++)
                 largest = fmaxf(largest, fabsf(values[i]));
         }
@@ -130,10 +130,8 @@ static int look_along(search *of, int channel, int row)
     for (int col = 0; col < cols; col++) {
         if (inside && col >= step && col < cols - step && !may_be_bad(rows, col, step))
             continue;
-        if (of->noise < 0.0F) {
+        if (of->noise < 0.0F)
             of->noise = noise_of(of);
-            return look_along(of, channel, row); /* the rows' room was used */
-        }
         if (!is_bad(of, channel, row, col))
             continue;
         if (of->count == of->most)
@@ -154,7 +152,7 @@ hada_status hada_bad_pixels_find(const hada_pixels *frame, hada_mosaic mosaic, i
     of.most = (size_t)(MOST_BAD * (double)values);
     if (frame->rows < SIDE * of.step || frame->cols < SIDE * of.step)
         goto done;
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(of.rooms, 3 * cols, "bad pixels", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(of.rooms, 4 * cols, "bad pixels", err));
     HADA_TRY_OR_DONE(HADA_NEW_RAW(of.list, of.most + 1, "bad pixels", err));
     for (int c = 0; c < frame->channels && few; c++)
         for (int row = 0; row < frame->rows && few; row++)

@@ -526,21 +526,21 @@ double hada_model_mean_square(const float *otf, const hada_model_info *info)
     return sum / ((double)info->grid_rows * info->grid_cols);
 }
 
-/* The sum over three neighbours of exp(2 pi i k / count). */
-static double of_three(size_t k, int count)
-{
-    return 1.0 + 2.0 * cos(6.283185307179586 * (double)k / count);
-}
-
 double hada_model_sharpness(const float *otf, const hada_model_info *info)
 {
+    const double turn = 6.283185307179586, first = cos(turn / info->grid_cols);
     double own = 0.0, near = 0.0;
     for (size_t row = 0; row < (size_t)info->grid_rows; row++) {
-        const double along = of_three(row, info->grid_rows);
+        /* sums over three neighbours of exp(2 pi i k / count) are 1 + 2 cos(2 pi k / count); along a row by recurrence
+         */
+        const double down = 1.0 + 2.0 * cos(turn * (double)row / info->grid_rows);
+        double across = 1.0, before = first;
         for (size_t col = 0; col <= (size_t)info->grid_cols / 2; col++) {
-            const double power = power_at(otf, info, row, col);
+            const double power = power_at(otf, info, row, col), next = 2.0 * first * across - before;
             own += power;
-            near += power * (along * of_three(col, info->grid_cols) - 1.0);
+            near += power * (down * (1.0 + 2.0 * across) - 1.0);
+            before = across;
+            across = next;
         }
     }
     return near > 0.0 ? own / near : INFINITY;

@@ -459,10 +459,14 @@ hada_status hada_exposure_subtract(hada_frame_exposure *exposure, const double *
     return HADA_OK;
 }
 
+int hada_exposure_has_gaps(const hada_frame_exposure *exposure)
+{
+    return exposure->repaired || exposure->bad_count || exposure->saturated || exposure->pixel_weights;
+}
+
 int hada_exposure_is_weighted(const hada_frame_exposure *exposure)
 {
-    return exposure->mosaic != HADA_MOSAIC_NONE || exposure->repaired || exposure->bad_count || exposure->saturated ||
-           exposure->pixel_weights;
+    return exposure->mosaic != HADA_MOSAIC_NONE || hada_exposure_has_gaps(exposure);
 }
 
 /* The weight of value i of the frame as it came. */

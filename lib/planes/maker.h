@@ -87,6 +87,9 @@ hada_status hada_exposure_subtract(hada_frame_exposure *exposure, const double *
 hada_status hada_stray_light_find(const hada_frame_exposure *exposure, const hada_model *model, const int *depths,
                                   int count, int level_found, double *weight, int *found, hada_error *err);
 
+/* 1: values of the frame say little or nothing: saturated, repaired, bad, or of a caller's weight. */
+int hada_exposure_has_gaps(const hada_frame_exposure *exposure);
+
 /* 1: not all values of the frame are alike. */
 int hada_exposure_is_weighted(const hada_frame_exposure *exposure);
 

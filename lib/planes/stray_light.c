@@ -74,7 +74,7 @@ static hada_status allocate(cells *of, hada_error *err)
     static const char what[] = "looking for stray light";
     const size_t area = of->area, channels = (size_t)of->channels, depths = (size_t)of->depths,
                  frame = 2 * (size_t)of->pairs * area;
-    float **frames[] = {&of->light, &of->light_from, &of->light_before, &of->residual, &of->work};
+    float **frames[] = {&of->light, &of->light_from, &of->light_before, &of->residual};
     float **planes[] = {&of->planes, &of->from, &of->before};
     HADA_TRY(hada_small_fft_create(&of->fft, of->side, err));
     HADA_TRY(HADA_NEW(of->otf, 2 * depths * channels * area, what, err));
@@ -84,6 +84,7 @@ static hada_status allocate(cells *of, hada_error *err)
     HADA_TRY(HADA_NEW(of->basis, channels * TERMS * area, what, err));
     HADA_TRY(HADA_NEW(of->made, channels, what, err));
     HADA_TRY(HADA_NEW(of->step, channels, what, err));
+    HADA_TRY(HADA_NEW(of->work, 2 * area, what, err));
     for (size_t i = 0; i < HADA_COUNT(frames); i++)
         HADA_TRY(HADA_NEW(*frames[i], frame, what, err));
     for (size_t i = 0; i < HADA_COUNT(planes); i++)
@@ -132,20 +133,21 @@ static void take_camera(cells *of, const hada_model *model, const int *depths, i
     }
 }
 
-/* Where row or column number `cell` of the cells begins on an image that begins at `first` of a grid. */
-static double cell_begins(int cell, int side, int grid, int first)
+/* Where a row or column of the cells, or a part of one, begins on an image that begins at `first` of a grid. */
+static double begins(double cell, int side, int grid, int first)
 {
-    return (double)cell * grid / side - first;
+    return cell * grid / side - first;
 }
 
 /* The window, with cells that lie partly in it. */
 static void mark_window(cells *of, const hada_model_info *info, const hada_geometry *at)
 {
     for (int i = 0; i < of->side * of->side; i++) {
-        const double top = cell_begins(i / of->side, of->side, info->grid_rows, at->window_row),
-                     left = cell_begins(i % of->side, of->side, info->grid_cols, at->window_col);
-        of->window[i] = top + (double)info->grid_rows / of->side > 0.0 && top < info->window_rows &&
-                        left + (double)info->grid_cols / of->side > 0.0 && left < info->window_cols;
+        const int row = i / of->side, col = i % of->side;
+        of->window[i] = begins(row + 1, of->side, info->grid_rows, at->window_row) > 0.0 &&
+                        begins(row, of->side, info->grid_rows, at->window_row) < info->window_rows &&
+                        begins(col + 1, of->side, info->grid_cols, at->window_col) > 0.0 &&
+                        begins(col, of->side, info->grid_cols, at->window_col) < info->window_cols;
     }
 }
 
@@ -187,10 +189,11 @@ static void take_frame(cells *of, const hada_frame_exposure *exposure, const flo
     for (int c = 0; c < of->channels; c++)
         for (int i = 0; i < of->side * of->side; i++) {
             const size_t place = (size_t)c * of->area + (size_t)i;
-            const double top = cell_begins(i / of->side, of->side, info->grid_rows, at->raw_row),
-                         left = cell_begins(i % of->side, of->side, info->grid_cols, at->raw_col),
-                         bottom = top + (double)info->grid_rows / of->side,
-                         right = left + (double)info->grid_cols / of->side;
+            const int row = i / of->side, col = i % of->side;
+            const double top = begins(row, of->side, info->grid_rows, at->raw_row),
+                         left = begins(col, of->side, info->grid_cols, at->raw_col),
+                         bottom = begins(row + 1, of->side, info->grid_rows, at->raw_row),
+                         right = begins(col + 1, of->side, info->grid_cols, at->raw_col);
             const int inside = top >= 0.0 && left >= 0.0 && bottom <= info->raw_rows && right <= info->raw_cols;
             const double mean = inside ? cell_mean(exposure, weights, c, top, left, bottom, right) : NAN;
             of->seen[place] = isfinite(mean) ? 1.0f : 0.0f;
@@ -215,15 +218,12 @@ static void make_basis(cells *of, int channel, const hada_model_info *info, cons
     double(*made)[TERMS] = of->made[channel];
     for (int k = 0; k < TERMS; k++) {
         double *own = basis + (size_t)k * of->area;
-        for (int i = 0; i < of->side * of->side; i++)
-            own[i] = seen[i] * hada_smooth_term(
-                                   k,
-                                   hada_smooth_place(cell_begins(i / of->side, of->side, info->grid_rows, at->raw_row) +
-                                                         0.5 * info->grid_rows / of->side,
-                                                     info->raw_rows),
-                                   hada_smooth_place(cell_begins(i % of->side, of->side, info->grid_cols, at->raw_col) +
-                                                         0.5 * info->grid_cols / of->side,
-                                                     info->raw_cols));
+        for (int i = 0; i < of->side * of->side; i++) {
+            const double y = begins(i / of->side + 0.5, of->side, info->grid_rows, at->raw_row),
+                         x = begins(i % of->side + 0.5, of->side, info->grid_cols, at->raw_col);
+            own[i] = seen[i] *
+                     hada_smooth_term(k, hada_smooth_place(y, info->raw_rows), hada_smooth_place(x, info->raw_cols));
+        }
         made[k][k] = 1.0;
         const double whole = product(own, own, of->area);
         for (int n = 0; n < k; n++) {

@@ -32,6 +32,8 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
     hada_pipeline_apply_skip(pipeline, frame);
     const hada_frame_exposure *exposure = &frame->exposure;
     const int on_device = frame->device && !exposure->own.data; /* repaired pixels are on the host alone */
+    if (on_device) /* the caller may have released another buffer that had this handle */
+        hada_arguments_forget(pipeline->slot->context, frame->device);
     HADA_TRY(on_device
                  ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, exposure->levels, err)
                  : hada_hadamard_frame(pipeline->stage, &exposure->pixels, exposure->levels, err));

@@ -49,7 +49,8 @@ hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_
 /* Bad pixels of one frame: values that lie far beyond those around them of the same colour. A point of light is none
  * where the point spread function is as wide as a Gaussian with a standard deviation of 0.6 pixels. alone: 1: only
  * bright ones about which there is hardly any light, as there is about the sharpest spots. list: indices
- * [channel][row][col], ascending, for free(); *count 0, and no list, where there are none or too many. */
+ * [channel][row][col], ascending, for free(); *count 0, and no list, where there are none, too many, or (unless alone)
+ * so few that noise is far stronger. */
 hada_status hada_bad_pixels_find(const hada_pixels *frame, hada_mosaic mosaic, int alone, size_t **list, size_t *count,
                                  hada_error *err);
 

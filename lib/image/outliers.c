@@ -19,6 +19,9 @@ enum { OMITTED = 3 };
 #define LEAST_NOISE 1e-3
 /* If more than this share of a frame's values seem bad, they belong to what the camera shows. */
 #define MOST_BAD 5e-3
+/* Bad pixels of a frame that hold less than this share of what its noise holds do no harm, and are left in: weights cost
+ * time. */
+#define LEAST_SQUARES 0.02
 /* One that is alone has so many times as much light as those seven have, beyond so many deviations of noise. */
 #define ALONE       10.0F
 #define ALONE_NOISE 8.0F
@@ -44,6 +47,7 @@ typedef struct search {
     float noise;  /* negative: not known yet */
     float *rooms; /* three rows, and one for the noise */
     size_t *list, count, most;
+    double squares; /* how far they lie from their squares' medians */
 } search;
 
 /* Puts a value among `count` ascending ones. */
@@ -55,8 +59,9 @@ static void put_sorted(float *sorted, int count, float value)
     sorted[at] = value;
 }
 
-/* Near a border the square lies beside the pixel rather than around it. */
-static int is_bad(const search *of, int channel, int row, int col)
+/* How far a bad pixel lies from the median; 0: it is none. Near a border the square lies beside the pixel rather than
+ * around it. */
+static float beyond_median(const search *of, int channel, int row, int col)
 {
     const hada_pixels *frame = of->frame;
     const int step = of->step, reach = REACH * step;
@@ -88,10 +93,12 @@ static int is_bad(const search *of, int channel, int row, int col)
         brightest = fmaxf(brightest, nearest[i] - median);
     }
     if (of->alone && value - median < ALONE * (light - brightest - ALONE_NOISE * of->noise))
-        return 0;
-    const float low = square[OMITTED], high = square[SQUARE - 1 - OMITTED];
-    return fabsf(value - median) > BEYOND_NEAREST * (sum - most) + BEYOND_NOISE * of->noise &&
-           fmaxf(value - high, low - value) > BEYOND_RANGE * (high - low);
+        return 0.0F;
+    const float low = square[OMITTED], high = square[SQUARE - 1 - OMITTED], away = fabsf(value - median);
+    return away > BEYOND_NEAREST * (sum - most) + BEYOND_NOISE * of->noise &&
+                   fmaxf(value - high, low - value) > BEYOND_RANGE * (high - low)
+               ? away
+               : 0.0F;
 }
 
 static float noise_of(const search *of)
@@ -132,10 +139,12 @@ static int look_along(search *of, int channel, int row)
             continue;
         if (of->noise < 0.0F)
             of->noise = noise_of(of);
-        if (!is_bad(of, channel, row, col))
+        const float beyond = beyond_median(of, channel, row, col);
+        if (beyond <= 0.0F)
             continue;
         if (of->count == of->most)
             return 0;
+        of->squares += (double)beyond * (double)beyond;
         of->list[of->count++] = ((size_t)channel * (size_t)of->frame->rows + (size_t)row) * (size_t)cols + (size_t)col;
     }
     return 1;
@@ -157,6 +166,8 @@ hada_status hada_bad_pixels_find(const hada_pixels *frame, hada_mosaic mosaic, i
     for (int c = 0; c < frame->channels && few; c++)
         for (int row = 0; row < frame->rows && few; row++)
             few = look_along(&of, c, row);
+    if (!alone && of.squares < LEAST_SQUARES * (double)values * (double)of.noise * (double)of.noise)
+        of.count = 0;
 done:
     if (status || !few || !of.count) {
         free(of.list);

@@ -1,5 +1,7 @@
 #include "runtime/buffer.h"
 
+#include "runtime/launch.h"
+
 #include <sys/mman.h>
 
 #define HUGE_PAGE ((size_t)2 << 20)
@@ -117,7 +119,7 @@ void hada_buffer_destroy(hada_buffer *buffer)
     if (!buffer || !buffer->context)
         return;
     if (buffer->mem) {
-        atomic_fetch_add(&buffer->context->releases, 1);
+        hada_arguments_forget(buffer->context, buffer->mem);
         clReleaseMemObject(buffer->mem);
     }
     pthread_mutex_lock(&buffer->context->lock);

@@ -29,6 +29,8 @@ typedef struct hada_trial {
     struct hada_trial *next;
 } hada_trial;
 
+enum { HADA_HANDLES = 1024 };
+
 struct hada_context {
     /* not NULL: objects made with it are only counted, for this context's device (runtime/memory.h) */
     const hada_context *dry;
@@ -50,7 +52,9 @@ struct hada_context {
     hada_log_level log_level;
     const hada_monitor *monitor; /* for what measures the device; NULL: nobody */
 
-    atomic_ulong releases; /* of buffers: a handle may then come back for another one */
+    /* How many buffers were released, and for handles by their hash which was the last of them: a driver may give
+     * another buffer the same handle. Written under the lock. */
+    atomic_ulong releases, released[HADA_HANDLES];
 
     pthread_mutex_t lock; /* guards what is below */
     uint64_t bytes, peak_bytes;

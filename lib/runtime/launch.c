@@ -74,13 +74,32 @@ static size_t bytes_of(const hada_kernel *kernel)
     return bytes;
 }
 
-/* Whether the object was given this value last. */
-static int is_set(const hada_kernel_object *object, const hada_kernel_parameter *parameter, const void *args, int stale)
+static size_t place_of(cl_mem mem)
 {
-    const int buffer =
-        parameter->kind == HADA_KERNEL_PARAMETER_BUFFER || parameter->kind == HADA_KERNEL_PARAMETER_EITHER;
-    return !(buffer && stale) &&
-           !memcmp(object->args + parameter->offset, (const char *)args + parameter->offset, parameter->size);
+    return (size_t)((uint64_t)(uintptr_t)mem * 0x9E3779B97F4A7C15u >> 54);
+}
+_Static_assert(HADA_HANDLES == 1 << (64 - 54), "the product's upper ten bits choose the place");
+
+void hada_arguments_forget(hada_context *context, cl_mem mem)
+{
+    pthread_mutex_lock(&context->lock);
+    atomic_store(&context->released[place_of(mem)], atomic_fetch_add(&context->releases, 1) + 1);
+    pthread_mutex_unlock(&context->lock);
+}
+
+/* Whether the object was given this value last. */
+static int is_set(const hada_context *context, const hada_kernel_object *object, const hada_kernel_parameter *parameter,
+                  const void *args)
+{
+    const char *value = (const char *)args + parameter->offset;
+    cl_mem mem = NULL;
+    if (memcmp(object->args + parameter->offset, value, parameter->size))
+        return 0;
+    if (parameter->kind == HADA_KERNEL_PARAMETER_BUFFER)
+        memcpy(&mem, value, sizeof mem);
+    if (parameter->kind == HADA_KERNEL_PARAMETER_EITHER)
+        mem = ((const hada_either *)(const void *)value)->buffer;
+    return !mem || atomic_load(&context->released[place_of(mem)]) <= object->releases;
 }
 
 /* What the object has is not known while it is being set: after a failure all arguments are set again. */
@@ -89,14 +108,13 @@ static hada_status set_arguments(hada_slot *slot, hada_kernel_object *object, co
 {
     const size_t bytes = bytes_of(kernel);
     const unsigned long releases = atomic_load(&slot->context->releases);
-    const int stale = releases != object->releases;
     char *known = NULL;
     hada_status status = HADA_OK;
     if (!object->args)
         HADA_TRY_OR_DONE(HADA_NEW(known, bytes + 1, "a kernel's arguments", err));
     for (int i = 0; i < kernel->parameter_count; i++) {
         const hada_kernel_parameter *parameter = &kernel->parameters[i];
-        if (object->args && is_set(object, parameter, args, stale))
+        if (object->args && is_set(slot->context, object, parameter, args))
             continue;
         slot->calls.arguments++;
         const cl_int code = set_argument(object->cl, (cl_uint)i, parameter, (const char *)args + parameter->offset);

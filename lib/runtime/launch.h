@@ -83,13 +83,16 @@ int hada_program_find(const hada_kernel_file *file, const int *values);
 hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program, const hada_range *range,
                         const void *args, hada_error *err);
 
-/* A kernel object with the arguments that it was given last. Those that are buffers count only as long as no buffer of
- * the context is released: a driver may give another one the same handle. */
+/* A kernel object with the arguments that it was given last. */
 struct hada_kernel_object {
-    cl_kernel cl; /* NULL until first launched */
-    char *args;   /* the kernel's struct; NULL: not known */
-    unsigned long releases;
+    cl_kernel cl;           /* NULL until first launched */
+    char *args;             /* the kernel's struct; NULL: not known */
+    unsigned long releases; /* of the context, before they were set */
 };
+
+/* From now on kernels that have this buffer as an argument are given it again: it is released, or the caller's, who may
+ * have released it; a driver may give another buffer the same handle. */
+void hada_arguments_forget(hada_context *context, cl_mem mem);
 
 /* Structs that are only ever filled by name. */
 #if defined(__GNUC__) && !defined(__clang__)

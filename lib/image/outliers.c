@@ -19,8 +19,8 @@ enum { OMITTED = 3 };
 #define LEAST_NOISE 1e-3
 /* If more than this share of a frame's values seem bad, they belong to what the camera shows. */
 #define MOST_BAD 5e-3
-/* Bad pixels of a frame that hold less than this share of what its noise holds do no harm, and are left in: weights cost
- * time. */
+/* Bad pixels of a frame that hold less than this share of what its noise holds do no harm, and are left in: weights
+ * cost time. */
 #define LEAST_SQUARES 0.02
 /* One that is alone has so many times as much light as those seven have, beyond so many deviations of noise. */
 #define ALONE       10.0F

@@ -6,6 +6,7 @@
 #include <ctype.h>
 
 #include "core/clock.h"
+#include "runtime/launch.h"
 #include "runtime/tuning.h"
 
 enum { GUARD = 256 };
@@ -299,8 +300,10 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     clFinish(slot->queue);
     if (op->release && state.own)
         op->release(&state);
-    for (int i = 0; i < state.regions; i++)
+    for (int i = 0; i < state.regions; i++) {
+        hada_arguments_forget(slot->context, state.region[i]);
         clReleaseMemObject(state.region[i]);
+    }
     for (int i = 0; i < state.buffers; i++)
         hada_buffer_destroy(state.buffer[i]);
     for (int i = 0; i < state.rooms; i++)

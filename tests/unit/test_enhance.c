@@ -52,18 +52,16 @@ static void run_as(net_device *device, const hada_enhance_desc *desc, float *pla
     ASSERT_OK(bytes_of(device->context, desc, &stated, err));
     ASSERT_OK(hada_enhance_create(&enhance, device->slot, desc, err));
     assert_int_equal(hada_context_bytes(device->context) - before, stated);
-    const cl_buffer_region region = {4096, (values + 1) * sizeof(float)};
-    cl_int code;
-    ASSERT_OK(hada_buffer_create(&buffer, device->context, region.origin + region.size, "planes", err));
-    ASSERT_OK(
-        hada_buffer_write(&buffer, device->slot, region.origin + sizeof(float), planes, values * sizeof(float), err));
-    cl_mem part = clCreateSubBuffer(buffer.mem, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
-    assert_int_equal(code, CL_SUCCESS);
-    ASSERT_OK(hada_enhance_run(enhance, part, 1, count, together, err));
-    ASSERT_OK(
-        hada_buffer_read(&buffer, device->slot, region.origin + sizeof(float), planes, values * sizeof(float), err));
+    enum { OFFSET = 4096 };
+    const size_t bytes = (values + 1) * sizeof(float);
+    hada_buffer part;
+    ASSERT_OK(hada_buffer_create(&buffer, device->context, OFFSET + bytes, "planes", err));
+    ASSERT_OK(hada_buffer_write(&buffer, device->slot, OFFSET + sizeof(float), planes, values * sizeof(float), err));
+    ASSERT_OK(hada_buffer_part(&part, &buffer, OFFSET, bytes, "a part", err));
+    ASSERT_OK(hada_enhance_run(enhance, part.mem, 1, count, together, err));
+    ASSERT_OK(hada_buffer_read(&buffer, device->slot, OFFSET + sizeof(float), planes, values * sizeof(float), err));
     hada_enhance_counts(enhance, computed, left_out);
-    clReleaseMemObject(part);
+    hada_buffer_destroy(&part);
 }
 
 static void run(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int *computed,

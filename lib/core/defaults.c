@@ -20,6 +20,7 @@ static const hada_context_options context_options = {
 static const hada_fit_options fit_options = {.size = sizeof(hada_fit_options),
                                              .downsample = 1,
                                              .find_dark = 1,
+                                             .find_colours = 1,
                                              .boundary = HADA_BOUNDARY_CIRCULAR,
                                              .form = HADA_FORM_COMPLEX,
                                              .alpha = HADA_AUTO,

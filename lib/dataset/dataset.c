@@ -363,6 +363,14 @@ done:
     return status;
 }
 
+hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, const double m[HADA_COLOUR_MATRIX],
+                               hada_error *err)
+{
+    HADA_TRY(whole_part(out, from, err));
+    hada_colours_invert(m, (*out)->unmix);
+    return HADA_OK;
+}
+
 static hada_status count_held(const hada_dataset *set, double hold_out, int *held, hada_error *err)
 {
     for (int z = 0; z < set->info.depths; z++) {
@@ -746,6 +754,12 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
     if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
         hada_pair_name(dataset, depth, number, err);
         goto done;
+    }
+    if (hada_colours_known(dataset->unmix) && pair->raw->channels == HADA_COLOURS) {
+        if (!pair->own.raw.data)
+            HADA_TRY_OR_DONE(copy(&pair->own.raw, pair->raw, err));
+        hada_colours_mix(pair->own.raw.data, hada_image_count(pair->raw) / HADA_COLOURS, dataset->unmix);
+        pair->raw = &pair->own.raw;
     }
     if (gain != 1.0) {
         if (!pair->own.scene.data)

@@ -6,6 +6,8 @@
 #include <hadalens/folder.h>
 #include <pthread.h>
 
+#include "image/colour_matrix.h"
+
 typedef struct hada_dataset_depth {
     double distance_mm;
     char *folder;
@@ -95,7 +97,8 @@ struct hada_dataset {
     /* in place of the store's: a flat frame with more pixels of 0, and a dark frame; NULL: the store's */
     const hada_image *mended, *darkened;
     double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
-    double response; /* in which scenes are encoded, where there are gains */
+    double response;                  /* in which scenes are encoded, where there are gains */
+    double unmix[HADA_COLOUR_MATRIX]; /* by which frames are multiplied; all 0: by nothing */
 };
 
 /* A store that is empty but for its options. `callers` may be NULL. */
@@ -126,6 +129,10 @@ int hada_pair_number(const hada_dataset *dataset, int depth, int pair);
  * are encoded; gains NULL: as they are. */
 hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
                                   double response, hada_error *err);
+
+/* The same pairs, with raw frames of three channels that were m, [channel][colour], times what these are now. */
+hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, const double m[HADA_COLOUR_MATRIX],
+                               hada_error *err);
 
 /* Makes a scene so many times as bright in linear light, in its own encoding. */
 void hada_scene_brighten(hada_image *scene, double gain, double response);

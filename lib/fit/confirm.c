@@ -56,7 +56,7 @@ static hada_status expose_group(hada_look *at, const hada_survey *survey, const 
     HADA_TRY_OR_DONE(hada_look_take(at, even, err));
     HADA_TRY_OR_DONE(shades(at, raws, scenes, err));
     HADA_TRY_OR_DONE(hada_dataset_from_images(&shown, 1, &distance, &count, raws, scenes, err));
-    HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, shown, left, NULL, err));
+    HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, shown, left, NULL, NULL, err));
     for (int i = 0; i < at->group; i++) {
         left[i] = brightness(left[i], left[i + at->group], left[i + 2 * at->group]);
         mean += log(left[i]) / at->group;
@@ -102,7 +102,7 @@ static hada_status light_of(const hada_survey *survey, const hada_fit_options *f
     at.group = hada_least(hada_dataset_get_info(even)->counts[depth], HADA_LOOK_MOST);
     hada_look_whole(&options, &rows, &cols);
     HADA_TRY_OR_DONE(hada_look_take(&at, even, err));
-    HADA_TRY_OR_DONE(hada_look_explain(&at, rows, cols, at.learned, left, light, err));
+    HADA_TRY_OR_DONE(hada_look_explain(&at, rows, cols, at.learned, left, light, NULL, err));
 done:
     hada_look_return(&at);
     return status;

@@ -244,10 +244,12 @@ hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scen
 }
 
 hada_status hada_fit_cropped_explain(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, double *left,
-                                     hada_error *err)
+                                     float *rest, hada_error *err)
 {
     HADA_TRY(hada_buffer_clear(&own->partial, own->grid->slot, 0, own->partial.bytes, err));
     HADA_TRY(subtract(own, &own->result, raw, scene_spectrum, err));
+    if (rest)
+        HADA_TRY(hada_buffer_read(&own->frame, own->grid->slot, 0, rest, own->frame.bytes, err));
     return read_left(own, left, err);
 }
 

@@ -49,9 +49,9 @@ hada_status hada_fit_cropped_pair(hada_fit_cropped *cropped, cl_mem raw, cl_mem 
 hada_status hada_fit_cropped_end(hada_fit_cropped *cropped, const double *raw_energy, double *noise,
                                  const hada_buffer **transfers, hada_error *err);
 
-/* After the end: the sum of squares that the transfer functions leave of a frame. */
+/* After the end: the sum of squares that the transfer functions leave of a frame; and (unless NULL) all its pixels. */
 hada_status hada_fit_cropped_explain(hada_fit_cropped *cropped, cl_mem raw, cl_mem scene_spectrum, double *left,
-                                     hada_error *err);
+                                     float *rest, hada_error *err);
 
 /* Of the last pass: the sum of squares of what the model left, over all pairs, per channel. */
 const double *hada_fit_cropped_left(const hada_fit_cropped *cropped);
@@ -71,8 +71,9 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
 void hada_fit_transfers_free(hada_fit_transfers *transfers);
 
 /* For a single depth: what is left of each frame of `held`, a sum of squares. Its pairs are not in the sums. light (may
- * be NULL): how much light of the first channel's scenes reaches the grid, |H(0)|. */
+ * be NULL): how much light of the first channel's scenes reaches the grid, |H(0)|. rest (may be NULL): all that is
+ * left, [frame][channel][pixel]. */
 hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int passes, hada_fit_reader *held,
-                                    double *left, double *light, hada_error *err);
+                                    double *left, double *light, float *rest, hada_error *err);
 
 #endif

@@ -33,6 +33,7 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
                               .distances_mm = options->distances_mm,
                               .scene_response = options->scene_response == HADA_AUTO ? HADA_RESPONSE_LINEAR
                                                                                      : options->scene_response};
+    memcpy(info->colour_matrix, options->colour_matrix, sizeof info->colour_matrix);
     HADA_TRY(hada_model_set_sizes(info, options->raw_rows, options->raw_cols, options->window_rows,
                                   options->window_cols, err));
     if (options->boundary == HADA_BOUNDARY_PADDED && options->grid_rows && options->grid_cols) {
@@ -278,6 +279,13 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
             hada_response_convert(light, window, info->scene_response, HADA_RESPONSE_LINEAR);
             pair->scene_energy[c] = energy_of(light, window);
         }
+    }
+    if (hada_colours_known(info->colour_matrix) && info->mosaic == HADA_MOSAIC_NONE) {
+        double inverse[HADA_COLOUR_MATRIX];
+        hada_colours_invert(info->colour_matrix, inverse);
+        hada_colours_mix(pair->raw_pixels, raw_area, inverse);
+        for (int c = 0; c < HADA_COLOURS; c++)
+            pair->raw_energy[c] = energy_of(pair->raw_pixels + (size_t)c * raw_area, raw_area);
     }
 }
 

@@ -99,7 +99,7 @@ hada_status hada_fit_pair_check(const hada_fit_grid *grid, int depth, const hada
                                 hada_error *err);
 
 /* Pixels and energies of a checked pair: takes the dark level off, and the centre of a scene as large as the frame,
- * which it brings to linear light. */
+ * which it brings to linear light. Frames get the scene's colours, by the matrix of the grid's info. */
 void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene);
 
 /* Spectra of pixels, `pair`'s own or others of that size; scene NULL: of the frame alone. */

@@ -17,7 +17,8 @@ static hada_image channel_of(const hada_image *image, int channel)
 hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error *err)
 {
     const double *distance = &at->options->distances_mm[at->depth];
-    const int all = hada_dataset_get_info(pairs)->counts[at->depth], channel = at->options->channels / 2;
+    const int all = hada_dataset_get_info(pairs)->counts[at->depth],
+              channel = at->channel ? at->channel - 1 : at->options->channels / 2;
     at->held = at->group ? 0 : all >= MANY_PAIRS ? HADA_LOOK_HELD : 1;
     const int count = at->group ? at->group : hada_least(all, HADA_LOOK_LEARNED + at->held), learned = count - at->held;
     for (; at->count < count; at->count++) {
@@ -49,7 +50,7 @@ void hada_look_return(hada_look *at)
 }
 
 hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
-                              double *light, hada_error *err)
+                              double *light, float *rest, hada_error *err)
 {
     hada_fit_options options = *at->options;
     hada_fitter *fitter = NULL;
@@ -57,6 +58,7 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
     hada_status status = HADA_OK;
     options.depths = options.channels = 1;
     options.mosaic = options.sensor_mosaic = HADA_MOSAIC_NONE; /* of that channel */
+    memset(options.colour_matrix, 0, sizeof options.colour_matrix);
     options.distances_mm = at->options->distances_mm + at->depth;
     options.boundary =
         rows == options.raw_rows && cols == options.raw_cols ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
@@ -72,7 +74,7 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
     HADA_TRY_OR_DONE(hada_fit_reader_create(&from, at->learned, &fitter->pair, options.monitor, WHY, err));
     HADA_TRY_OR_DONE(hada_fit_reader_create(&held, others, &fitter->pair, NULL, WHY, err));
     hada_slot_watch(fitter->grid.slot, options.monitor);
-    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, PASSES, &held, left, light, err));
+    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, PASSES, &held, left, light, rest, err));
 done:
     hada_fit_reader_destroy(&from);
     hada_fit_reader_destroy(&held);
@@ -83,7 +85,7 @@ done:
 hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left, hada_error *err)
 {
     double each[HADA_LOOK_HELD];
-    HADA_TRY(hada_look_explain(at, rows, cols, at->held_out, each, NULL, err));
+    HADA_TRY(hada_look_explain(at, rows, cols, at->held_out, each, NULL, NULL, err));
     *left = 0.0;
     for (int k = 0; k < at->held; k++)
         *left += each[k];

@@ -21,6 +21,7 @@ typedef struct hada_look {
     hada_context *context;
     const hada_fit_options *options;
     int depth, first, count, held; /* first: the number of the pair that comes first */
+    int channel;                   /* from 1 on; 0: the middle one */
     int group; /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
     hada_pair pair[HADA_LOOK_MOST];
     hada_image raw[HADA_LOOK_MOST], scene[HADA_LOOK_MOST]; /* their channels, not owned */
@@ -33,9 +34,10 @@ void hada_look_return(hada_look *at);
 
 /* What is left of the frames held out, learned on a grid of rows x cols; 0: of the size that holds all light. */
 hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left, hada_error *err);
-/* The same of each frame of other pairs, of one channel and depth; light (may be NULL): |H(0)|. */
+/* The same of each frame of other pairs, of one channel and depth; light: |H(0)|; rest: predictions less frames, all
+ * pixels of these frames. Either may be NULL. */
 hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
-                              double *light, hada_error *err);
+                              double *light, float *rest, hada_error *err);
 
 /* A side of the grid with overhang number k; and both sides of the grid that holds all light, with options->boundary.
  */

@@ -271,6 +271,8 @@ static hada_status check_file(const hada_fit_grid *grid, const hada_tensors *fil
         return damaged(path, err);
     if (of.mosaic != grid->info.mosaic || of.sensor_mosaic != grid->info.sensor_mosaic)
         return foreign(path, "the colour filter mosaic differs", err);
+    if (memcmp(of.colour_matrix, grid->info.colour_matrix, sizeof of.colour_matrix) != 0)
+        return foreign(path, "the sensor's colours differ from the scenes' by another matrix (colour_matrix)", err);
     if (of.downsample != grid->info.downsample)
         return foreign(path, "frames are binned by another number (downsample)", err);
     return check_response(grid, file, path, err);
@@ -363,6 +365,8 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
     memcpy(&options->dark, dark->data, sizeof options->dark);
     if (!options->boundary || hada_model_get_frames(file, &of))
         return damaged(path, err);
+    if (!hada_colours_known(options->colour_matrix))
+        memcpy(options->colour_matrix, of.colour_matrix, sizeof of.colour_matrix);
     options->mosaic = of.mosaic;
     options->sensor_mosaic = of.sensor_mosaic;
     options->downsample = of.downsample;

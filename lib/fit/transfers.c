@@ -309,8 +309,9 @@ done:
 }
 
 hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int count, hada_fit_reader *held,
-                                    double *left, double *light, hada_error *err)
+                                    double *left, double *light, float *rest, hada_error *err)
 {
+    const size_t floats = hada_fit_raw_floats(sums->grid);
     float direct[2] = {0.0f};
     hada_fit_kept none = {0};
     passes with = {.sums = sums, .from = from, .kept = &none};
@@ -327,8 +328,8 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, 
     for (int k = 0; k < hada_dataset_get_info(held->pairs)->pairs; k++) {
         HADA_TRY_OR_DONE(hada_fit_read(held, 0, k, -1, err));
         HADA_TRY_OR_DONE(upload(&with, &pair->raw, &pair->scene_spectrum, err));
-        HADA_TRY_OR_DONE(
-            hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &left[k], err));
+        HADA_TRY_OR_DONE(hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &left[k],
+                                                  rest ? rest + (size_t)k * floats : NULL, err));
     }
 done:
     release(&with);

@@ -136,7 +136,8 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
 #define LOST            "component_lost"
 #define LOST_SINGLE     "component_lost_single"
 #define RESPONSE        "scene_response"
-#define MOSAIC          "mosaic" /* models of frames in full colour lack it */
+#define COLOUR_MATRIX   "colour_matrix" /* models whose sensor has the colours of the scenes lack it */
+#define MOSAIC          "mosaic"        /* models of frames in full colour lack it */
 #define SENSOR_MOSAIC   "sensor_mosaic"
 #define DOWNSAMPLE      "downsample" /* models of frames that are not binned lack these */
 #define MOST_STEPS      100000       /* of refinement: more is a damaged number */
@@ -183,8 +184,35 @@ static int get_mosaic(const hada_tensors *file, const char *key, hada_mosaic *mo
     return value >= 0;
 }
 
+/* Nine numbers, row by row. */
+static hada_status put_colours(hada_tensors_writer *writer, const double m[HADA_COLOUR_MATRIX], hada_error *err)
+{
+    char text[HADA_COLOUR_MATRIX * 40] = "";
+    if (!hada_colours_known(m))
+        return HADA_OK;
+    for (int i = 0, at = 0; i < HADA_COLOUR_MATRIX; i++, at += (int)strlen(text + at)) {
+        if (i)
+            text[at++] = ' ';
+        hada_format_number(text + at, sizeof text - (size_t)at, "%.17g", m[i]);
+    }
+    return hada_tensors_put_meta(writer, COLOUR_MATRIX, text, err);
+}
+
+static int get_colours(const hada_tensors *file, double m[HADA_COLOUR_MATRIX])
+{
+    const char *text = hada_tensors_meta(file, COLOUR_MATRIX), *end = text;
+    memset(m, 0, HADA_COLOUR_MATRIX * sizeof *m);
+    for (int i = 0; text && i < HADA_COLOUR_MATRIX; i++, text = end) {
+        m[i] = hada_text_number(text, &end);
+        if (end == text)
+            return 0;
+    }
+    return !text || !*text;
+}
+
 hada_status hada_model_put_frames(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
 {
+    HADA_TRY(put_colours(writer, info->colour_matrix, err));
     HADA_TRY(put_mosaic(writer, MOSAIC, info->mosaic, err));
     HADA_TRY(put_mosaic(writer, SENSOR_MOSAIC, info->sensor_mosaic, err));
     return info->downsample > 1 ? put_number(writer, DOWNSAMPLE, info->downsample, err) : HADA_OK;
@@ -194,6 +222,8 @@ const char *hada_model_get_frames(const hada_tensors *file, hada_model_info *inf
 {
     const char *text = hada_tensors_meta(file, DOWNSAMPLE), *end = text;
     const double downsample = text ? hada_text_number(text, &end) : 1.0;
+    if (!get_colours(file, info->colour_matrix))
+        return COLOUR_MATRIX;
     if (!get_mosaic(file, MOSAIC, &info->mosaic))
         return MOSAIC;
     if (!get_mosaic(file, SENSOR_MOSAIC, &info->sensor_mosaic))

@@ -341,6 +341,29 @@ static hada_status divide(hada_frame_exposure *exposure, const hada_exposure_rul
     return rule->dark_varies ? hada_dark_levels(&exposure->pixels, exposure->mosaic, levels, err) : HADA_OK;
 }
 
+/* Whether a frame is brought from the sensor's colours to the scenes'. Pixels of a mosaic have one of them. */
+static int has_matrix(const hada_frame_exposure *exposure)
+{
+    return hada_colours_known(exposure->info->colour_matrix) && exposure->mosaic == HADA_MOSAIC_NONE;
+}
+
+/* What is above dark levels and dark frame, which stay: they are subtracted later. */
+static hada_status unmix(hada_frame_exposure *exposure, hada_error *err)
+{
+    const size_t plane = plane_of(exposure);
+    const float *dark = exposure->dark_frame;
+    double inverse[HADA_COLOUR_MATRIX];
+    HADA_TRY(copy(exposure, err));
+    float *values = exposure->own.data;
+    hada_colours_invert(exposure->info->colour_matrix, inverse);
+    for (size_t i = 0; i < HADA_COLOURS * plane; i++)
+        values[i] -= (float)exposure->levels[i / plane] + (dark ? dark[i] : 0.0F);
+    hada_colours_mix(values, plane, inverse);
+    for (size_t i = 0; i < HADA_COLOURS * plane; i++)
+        values[i] += (float)exposure->levels[i / plane] + (dark ? dark[i] : 0.0F);
+    return HADA_OK;
+}
+
 float hada_exposure_brightest(const hada_frame_exposure *exposure, size_t i)
 {
     const double level = exposure->levels[(size_t)exposure->info->channels + i / plane_of(exposure)];
@@ -442,8 +465,10 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
             rule->dark);
     if (rule->flat)
         HADA_TRY(divide(exposure, rule, err));
+    if (has_matrix(exposure))
+        HADA_TRY(unmix(exposure, err));
     exposure->energy = 0.0;
-    if (at_once && !look.broken)
+    if (at_once && !look.broken && !has_matrix(exposure))
         exposure->energy = sum_of(&look);
     else if (rule->energy)
         measure(exposure);
@@ -476,6 +501,20 @@ static float weight_of(const hada_frame_exposure *exposure, size_t i, float valu
     return !isfinite(value) ? 0.0f : exposure->saturated && value == exposure->brightest ? -weight : weight;
 }
 
+/* Pixels of which a channel says nothing, or only a bound, say nothing once colours are mixed; else the least counts.
+ * Returns how many values are above 0. */
+static size_t weigh_together(float *weights, size_t plane)
+{
+    size_t good = 0;
+    for (size_t i = 0; i < plane; i++) {
+        const float least = fmaxf(fminf(fminf(weights[i], weights[plane + i]), weights[2 * plane + i]), 0.0F);
+        for (size_t c = 0; c < HADA_COLOURS; c++)
+            weights[c * plane + i] = least;
+        good += least > 0.0F ? HADA_COLOURS : 0;
+    }
+    return good;
+}
+
 size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
 {
     const hada_pixels *came = &exposure->came;
@@ -501,7 +540,7 @@ size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
         good -= *to > 0.0f;
         *to = 0.0f;
     }
-    return good;
+    return has_matrix(exposure) ? weigh_together(weights, plane) : good;
 }
 
 double hada_exposure_noise(const hada_frame_exposure *exposure)

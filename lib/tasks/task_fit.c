@@ -221,18 +221,79 @@ hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, in
     return hada_fit_sizes_from(fit, data, err);
 }
 
+/* The survey of the pairs, with frames in the scenes' colours where `m` is a matrix. */
+static hada_status survey_once(hada_survey **out, hada_context *context, const hada_dataset *data,
+                               const hada_fit_options *fit, hada_exposure exposure, const double m[HADA_COLOUR_MATRIX],
+                               hada_error *err)
+{
+    hada_dataset *pure = NULL;
+    hada_status status = HADA_OK;
+    hada_survey_destroy(out);
+    if (hada_colours_known(m) && fit->channels == HADA_COLOURS)
+        HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, data, m, err));
+    HADA_TRY_OR_DONE(hada_survey_create(out, fit, pure ? pure : data, exposure, err));
+    HADA_TRY_OR_DONE(hada_fit_confirm_survey(*out, fit, exposure, context, pure ? pure : data, err));
+    memcpy((*out)->colour_matrix, m, HADA_COLOUR_MATRIX * sizeof *m);
+done:
+    hada_dataset_destroy(&pure);
+    return status;
+}
+
+/* A survey, and what the sensor sees of the scenes' colours. Frames of mixed colours look as if scenes had another
+ * response, or as if exposures differed, so either is found anew with what the other has become. */
+static hada_status survey_colours(hada_survey **out, hada_context *context, const hada_dataset *data,
+                                  const hada_fit_options *given, hada_exposure exposure, hada_error *err)
+{
+    enum { ROUNDS = 4 };
+    hada_fit_options fit = *given;
+    hada_dataset *even = NULL;
+    double m[HADA_COLOUR_MATRIX], response = 0.0;
+    int found = 1, exposed = 0;
+    hada_status status = HADA_OK;
+    memcpy(m, given->colour_matrix, sizeof m);
+    const int open = given->find_colours && !hada_colours_known(m);
+    for (int round = 0; round < ROUNDS; round++) {
+        HADA_TRY_OR_DONE(survey_once(out, context, data, given, exposure, m, err));
+        if (!open || !found || (round && (*out)->response == response && (*out)->exposed == exposed))
+            break;
+        fit.scene_response = response = (*out)->response;
+        exposed = (*out)->exposed;
+        HADA_TRY_OR_DONE(hada_survey_apply(&even, *out, data, err));
+        HADA_TRY_OR_DONE(hada_fit_find_colours(&fit, context, even, m, &found, err));
+        hada_dataset_destroy(&even);
+        if (!found && !round)
+            break;
+        if (!found)
+            memset(m, 0, sizeof m);
+    }
+done:
+    hada_dataset_destroy(&even);
+    return status;
+}
+
+static void tell_colours(const hada_fit_options *fit, const hada_monitor *monitor)
+{
+    const double *m = fit->colour_matrix;
+    if (hada_colours_known(m))
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "the sensor mixes the colours of the scenes: its red, green and blue hold %.2f %.2f %.2f, "
+                          "%.2f %.2f %.2f and %.2f %.2f %.2f of theirs. Results have the scenes' colours",
+                          m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]);
+}
+
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
                             hada_fit_options *fit, hada_exposure exposure, const hada_communicator *ranks,
                             const hada_monitor *monitor, hada_error *err)
 {
-    HADA_TRY(hada_survey_create(out, fit, data, exposure, err));
-    HADA_TRY(hada_fit_confirm_survey(*out, fit, exposure, context, data, err));
+    HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
                           "frames of one depth differ in exposure: each scene is learned as bright as its frame was "
                           "exposed");
     fit->scene_response = (*out)->response;
+    memcpy(fit->colour_matrix, (*out)->colour_matrix, sizeof fit->colour_matrix);
+    tell_colours(fit, monitor);
     return hada_survey_apply(even, *out, data, err);
 }
 
@@ -451,7 +512,9 @@ static hada_status look_at_sums(learning *of, hada_error *err)
         fit->scene_response = sums.scene_response;
     if (fit->find_dark && fit->dark == 0.0)
         fit->dark = sums.dark;
-    fit->find_dark = 0;
+    if (!hada_colours_known(fit->colour_matrix))
+        memcpy(fit->colour_matrix, sums.colour_matrix, sizeof sums.colour_matrix);
+    fit->find_dark = fit->find_colours = 0;
     if (of->task.boundary || fit->boundary == HADA_BOUNDARY_CIRCULAR)
         return HADA_OK;
     fit->boundary = sums.boundary;
@@ -497,8 +560,10 @@ static hada_status survey(learning *of, hada_context *context, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
-    const int open = fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO;
-    if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
+    const int given = hada_colours_known(fit->colour_matrix);
+    const int open =
+        fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO || (fit->find_colours && !given);
+    if (task->exposure != HADA_EXPOSURE_EACH && !given && !(fit->leave_one_out && open))
         return HADA_OK;
     HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, context, of->data, fit, task->exposure, &of->ranks,
                              task->monitor, err));

@@ -443,6 +443,8 @@ static hada_status survey(training *own, hada_context *context, hada_fit_options
     if (own->model) {
         const hada_model_info *info = hada_model_get_info(own->model);
         fit->scene_response = info->scene_response;
+        memcpy(fit->colour_matrix, info->colour_matrix, sizeof fit->colour_matrix);
+        fit->find_colours = 0;
         fit->dark = info->dark;
         fit->find_dark = 0;
     }

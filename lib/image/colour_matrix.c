@@ -1,0 +1,56 @@
+#include "image/colour_matrix.h"
+
+#include <math.h>
+
+void hada_colours_mix(float *planes, size_t area, const double m[HADA_COLOUR_MATRIX])
+{
+    float *red = planes, *green = planes + area, *blue = planes + 2 * area;
+    float w[HADA_COLOUR_MATRIX];
+    for (int i = 0; i < HADA_COLOUR_MATRIX; i++)
+        w[i] = (float)m[i];
+    for (size_t i = 0; i < area; i++) {
+        const float r = red[i], g = green[i], b = blue[i];
+        red[i] = w[0] * r + w[1] * g + w[2] * b;
+        green[i] = w[3] * r + w[4] * g + w[5] * b;
+        blue[i] = w[6] * r + w[7] * g + w[8] * b;
+    }
+}
+
+double hada_colours_determinant(const double m[HADA_COLOUR_MATRIX])
+{
+    return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
+}
+
+void hada_colours_invert(const double m[HADA_COLOUR_MATRIX], double inverse[HADA_COLOUR_MATRIX])
+{
+    const double by = 1.0 / hada_colours_determinant(m);
+    for (int r = 0; r < HADA_COLOURS; r++)
+        for (int c = 0; c < HADA_COLOURS; c++) { /* cyclic indices need no signs */
+            const int r1 = (c + 1) % HADA_COLOURS, r2 = (c + 2) % HADA_COLOURS;
+            const int c1 = (r + 1) % HADA_COLOURS, c2 = (r + 2) % HADA_COLOURS;
+            inverse[r * HADA_COLOURS + c] = by * (m[r1 * HADA_COLOURS + c1] * m[r2 * HADA_COLOURS + c2] -
+                                                  m[r1 * HADA_COLOURS + c2] * m[r2 * HADA_COLOURS + c1]);
+        }
+}
+
+int hada_colours_known(const double m[HADA_COLOUR_MATRIX])
+{
+    for (int i = 0; i < HADA_COLOUR_MATRIX; i++)
+        if (m[i] != 0.0)
+            return 1;
+    return 0;
+}
+
+#define MOST 10.0
+
+int hada_colours_usable(const double m[HADA_COLOUR_MATRIX])
+{
+    double inverse[HADA_COLOUR_MATRIX];
+    if (!hada_colours_known(m))
+        return 1;
+    hada_colours_invert(m, inverse);
+    for (int i = 0; i < HADA_COLOUR_MATRIX; i++)
+        if (!(fabs(m[i]) <= MOST && fabs(inverse[i]) <= MOST))
+            return 0;
+    return 1;
+}

@@ -1,0 +1,21 @@
+/* Matrices that bring one camera's colours to another's, in linear light: m[3 * to + from]. Internal. */
+#ifndef HADA_IMAGE_COLOUR_MATRIX_H
+#define HADA_IMAGE_COLOUR_MATRIX_H
+
+#include <stddef.h>
+
+enum { HADA_COLOURS = 3, HADA_COLOUR_MATRIX = HADA_COLOURS * HADA_COLOURS };
+
+/* Three planes of `area` values, one after the other, in place. */
+void hada_colours_mix(float *planes, size_t area, const double m[HADA_COLOUR_MATRIX]);
+
+double hada_colours_determinant(const double m[HADA_COLOUR_MATRIX]);
+/* Of a matrix whose determinant is not 0. */
+void hada_colours_invert(const double m[HADA_COLOUR_MATRIX], double inverse[HADA_COLOUR_MATRIX]);
+
+/* A matrix of zeros says that there is none. */
+int hada_colours_known(const double m[HADA_COLOUR_MATRIX]);
+/* Whether it is none, or one that can be inverted without making noise more than about ten times as strong. */
+int hada_colours_usable(const double m[HADA_COLOUR_MATRIX]);
+
+#endif

@@ -240,6 +240,7 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     pthread_mutex_unlock(&from->store->lock);
     set->filled = from->filled;
     set->mended = from->mended;
+    memcpy(set->unmix, from->unmix, sizeof set->unmix);
     set->darkened = from->darkened;
     if (!from->number)
         return HADA_OK;

@@ -369,6 +369,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;
+    memcpy(info.colour_matrix, options->colour_matrix, sizeof info.colour_matrix);
     const int across = (options->turn & HADA_TURN_TRANSPOSE) != 0;
     const int rows = across ? psfs->cols : psfs->rows, cols = across ? psfs->rows : psfs->cols;
     HADA_TRY_OR_DONE(hada_model_set_sizes(&info, options->frame_rows ? options->frame_rows : rows,

@@ -6,11 +6,12 @@
  * inverse matrix give transfer functions, and these what the colours make; then each channel's row is the solution of
  * three normal equations. Pixels count in blocks, in which there is little noise: what transfer functions make of
  * scenes holds some of the noise that they were learned from. Means are left out, as a dark level may be there still.
- */
+ * Exposures that differ are found anew in each turn: by one channel, or by mixed colours, they look different. */
 #include "fit/look.h"
+#include "fit/pair_level.h"
 
 /* Pairs that are looked at, turns, pixels of a side of a block, and the change of a matrix that is none any more. */
-enum { PAIRS = 6, TURNS = 6, BLOCK = 8 };
+enum { PAIRS = 6, TURNS = 6, EXPOSED_TURNS = 16, BLOCK = 8 };
 #define SETTLED 0.002
 /* A first matrix that is this near to none is none; and blocks of frames must be left with so much less by the last
  * one, in the geometric mean of the channels: simulated sensors that mix a twentieth leave 0.04 to 0.16, real pairs
@@ -19,8 +20,9 @@ enum { PAIRS = 6, TURNS = 6, BLOCK = 8 };
 #define SURE 0.5
 
 typedef struct colour_trial {
-    const hada_fit_options *options;
-    hada_look at;                                   /* some pairs of a depth, with frames in the scenes' colours */
+    const hada_fit_options *options; /* of one depth */
+    hada_look at;                    /* its first pairs, with frames in the scenes' colours */
+    hada_image frame[PAIRS], scene[PAIRS];
     int blocks;                                     /* of a frame */
     float *seen[HADA_COLOURS], *made[HADA_COLOURS]; /* [pair][block]: frames, and what each colour makes of them */
     double left[HADA_COLOURS], before[HADA_COLOURS];
@@ -56,42 +58,52 @@ static double product(const colour_trial *of, const float *a, const float *b)
     return sum;
 }
 
-static hada_status begin(colour_trial *of, const hada_dataset *pairs, hada_error *err)
+/* *fits: whether all pairs are such that the fit will take them. */
+static hada_status begin(colour_trial *of, const hada_dataset *pairs, int depth, int *fits, hada_error *err)
 {
-    hada_pair pair = {0};
+    const hada_reducer rule = {.options = of->options};
     for (int i = 0; i < HADA_COLOUR_MATRIX; i++)
         of->m[i] = i % (HADA_COLOURS + 1) == 0;
     for (int k = 0; k < HADA_COLOURS; k++) {
         HADA_TRY(HADA_NEW_RAW(of->seen[k], (size_t)of->at.group * (size_t)of->blocks, "blocks", err));
         HADA_TRY(HADA_NEW_RAW(of->made[k], (size_t)of->at.group * (size_t)of->blocks, "blocks", err));
     }
-    for (int i = 0; i < of->at.group; i++) {
-        HADA_TRY(hada_pair_take(&pair, pairs, of->at.depth, i, err));
-        const hada_image *raw = pair.raw;
-        const int fits =
-            raw->channels == HADA_COLOURS && raw->rows == of->options->raw_rows && raw->cols == of->options->raw_cols;
-        const size_t area = (size_t)raw->rows * (size_t)raw->cols;
-        for (size_t k = 0; fits && k < HADA_COLOURS; k++)
-            reduce(of->options, raw->data + k * area, NULL, of->seen[k] + (size_t)i * (size_t)of->blocks);
-        hada_pair_return(&pair);
-        if (!fits)
-            return hada_fail(err, HADA_ERROR_SIZE, "raw frames of a data set must have the same size");
+    *fits = 1;
+    for (int i = 0; i < of->at.group && *fits; i++) {
+        hada_image *raw = &of->frame[i];
+        HADA_TRY(hada_dataset_read(pairs, depth, i, raw, &of->scene[i], err));
+        *fits = hada_reducer_fits(&rule, raw, &of->scene[i]);
+        for (size_t k = 0; k < HADA_COLOURS && *fits; k++)
+            reduce(of->options, raw->data + k * hada_image_count(raw) / HADA_COLOURS, NULL,
+                   of->seen[k] + (size_t)i * (size_t)of->blocks);
     }
     return HADA_OK;
 }
 
+static void end(colour_trial *of)
+{
+    for (int i = 0; i < PAIRS; i++) {
+        hada_image_destroy(&of->frame[i]);
+        hada_image_destroy(&of->scene[i]);
+    }
+    for (int k = 0; k < HADA_COLOURS; k++)
+        HADA_FREE(of->seen[k], of->made[k]);
+}
+
 /* What each colour of the scenes makes, with the matrix that there is. */
-static hada_status make(colour_trial *of, const hada_dataset *pairs, hada_error *err)
+static hada_status make(colour_trial *of, hada_error *err)
 {
     const size_t area = (size_t)of->options->raw_rows * (size_t)of->options->raw_cols;
     double left[PAIRS];
     float *rest = NULL;
-    hada_dataset *pure = NULL;
+    hada_dataset *few = NULL, *pure = NULL;
     int rows, cols;
     hada_status status = HADA_OK;
     hada_look_whole(of->options, &rows, &cols);
     HADA_TRY_OR_DONE(HADA_NEW_RAW(rest, PAIRS * area, "frames", err));
-    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, pairs, of->m, err));
+    HADA_TRY_OR_DONE(
+        hada_dataset_from_images(&few, 1, of->options->distances_mm, &of->at.group, of->frame, of->scene, err));
+    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, few, of->m, err));
     for (int k = 0; k < HADA_COLOURS; k++) {
         of->at.channel = k + 1;
         HADA_TRY_OR_DONE(hada_look_take(&of->at, pure, err));
@@ -105,7 +117,37 @@ done:
     free(rest);
     hada_look_return(&of->at);
     hada_dataset_destroy(&pure);
+    hada_dataset_destroy(&few);
     return status;
+}
+
+/* Brings frames nearer to one exposure, by what the colours make of all channels. *change: by how much the most, too.
+ */
+static void expose(colour_trial *of, double *change)
+{
+    double by[PAIRS], mean = 0.0;
+    for (int i = 0; i < of->at.group; i++) {
+        double cross = 0.0, power = 0.0;
+        for (int b = i * of->blocks; b < (i + 1) * of->blocks; b++)
+            for (int c = 0; c < HADA_COLOURS; c++) {
+                double all = 0.0;
+                for (int k = 0; k < HADA_COLOURS; k++)
+                    all += of->m[c * HADA_COLOURS + k] * (double)of->made[k][b];
+                cross += all * (double)of->seen[c][b];
+                power += all * all;
+            }
+        by[i] = cross > 0.0 && power > 0.0 ? log(cross / power) : 0.0;
+        mean += by[i] / of->at.group;
+    }
+    for (int i = 0; i < of->at.group; i++) {
+        const float times = (float)exp(mean - by[i]);
+        *change = fmax(*change, fabs(mean - by[i]));
+        for (size_t k = 0; k < hada_image_count(&of->frame[i]); k++)
+            of->frame[i].data[k] *= times;
+        for (int b = i * of->blocks; b < (i + 1) * of->blocks; b++)
+            for (int c = 0; c < HADA_COLOURS; c++)
+                of->seen[c][b] *= times;
+    }
 }
 
 /* The rows that explain frames best by what the colours make. *change: by how much the most; of->left: what was left
@@ -137,32 +179,40 @@ static void find_rows(colour_trial *of, double *change)
 }
 
 hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
-                                  double m[HADA_COLOUR_MATRIX], int *found, hada_error *err)
+                                  int exposed, double m[HADA_COLOUR_MATRIX], int *found, hada_error *err)
 {
-    colour_trial of = {.options = fit};
+    const int depth = hada_look_depth(fit, pairs), turns = exposed ? EXPOSED_TURNS : TURNS;
+    hada_fit_options one = *fit;
+    colour_trial of = {.options = &one};
     double change = 1.0, less = 1.0;
+    int fits;
     hada_status status = HADA_OK;
     *found = 0;
-    of.at = (hada_look){.context = context, .options = fit, .depth = hada_look_depth(fit, pairs)};
     of.blocks = fit->raw_rows / BLOCK * (fit->raw_cols / BLOCK);
-    if (fit->channels != HADA_COLOURS || fit->mosaic != HADA_MOSAIC_NONE || of.at.depth == fit->depths || !of.blocks)
+    if (fit->channels != HADA_COLOURS || fit->mosaic != HADA_MOSAIC_NONE || depth == fit->depths || !of.blocks)
         return HADA_OK;
-    of.at.group = hada_least(hada_dataset_get_info(pairs)->counts[of.at.depth], PAIRS);
-    HADA_TRY_OR_DONE(begin(&of, pairs, err));
-    for (int turn = 0; turn < TURNS && change > SETTLED; turn++) {
-        HADA_TRY_OR_DONE(make(&of, pairs, err));
+    one.depths = 1;
+    one.distances_mm = fit->distances_mm + depth;
+    of.at = (hada_look){.context = context, .options = &one};
+    of.at.group = hada_least(hada_dataset_get_info(pairs)->counts[depth], PAIRS);
+    HADA_TRY_OR_DONE(begin(&of, pairs, depth, &fits, err));
+    if (!fits)
+        goto done;
+    for (int turn = 0; turn < turns && change > SETTLED; turn++) {
+        HADA_TRY_OR_DONE(make(&of, err));
         find_rows(&of, &change);
         if (!turn)
             memcpy(of.before, of.left, sizeof of.left);
         if (!hada_colours_usable(of.m) || (!turn && change < NONE))
             goto done;
+        if (exposed)
+            expose(&of, &change);
     }
     for (int c = 0; c < HADA_COLOURS; c++)
         less *= cbrt(of.left[c] / of.before[c]);
     *found = less < SURE;
     memcpy(m, of.m, sizeof of.m);
 done:
-    for (int k = 0; k < HADA_COLOURS; k++)
-        HADA_FREE(of.seen[k], of.made[k]);
+    end(&of);
     return status;
 }

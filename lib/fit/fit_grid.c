@@ -280,7 +280,7 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
             pair->scene_energy[c] = energy_of(light, window);
         }
     }
-    if (hada_colours_known(info->colour_matrix) && info->mosaic == HADA_MOSAIC_NONE) {
+    if (hada_colours_known(info->colour_matrix)) {
         double inverse[HADA_COLOUR_MATRIX];
         hada_colours_invert(info->colour_matrix, inverse);
         hada_colours_mix(pair->raw_pixels, raw_area, inverse);

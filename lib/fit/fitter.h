@@ -99,10 +99,10 @@ hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *con
  * crop in the model. Has the survey choose what is better. */
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,
                                     hada_context *context, const hada_dataset *pairs, hada_error *err);
-/* What a sensor's channels see of the scenes' colours, of options->scene_response, by pairs of one exposure: *found,
- * whether they explain held-out frames clearly better so; m as hada_fit_options.colour_matrix. */
+/* What a sensor's channels see of the scenes' colours, of options->scene_response, by pairs of one exposure or, if
+ * `exposed`, of nearly one: *found, whether frames are explained far better so; m as hada_fit_options.colour_matrix. */
 hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
-                                  double m[HADA_COLOUR_MATRIX], int *found, hada_error *err);
+                                  int exposed, double m[HADA_COLOUR_MATRIX], int *found, hada_error *err);
 /* Among ranks: what the first of them has found. */
 hada_status hada_survey_agree(hada_survey *survey, const hada_communicator *ranks, const hada_dataset *pairs,
                               hada_error *err);

@@ -139,13 +139,15 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (info->scene_response != 0.0 && !hada_response_is_known(info->scene_response)) /* 0: not set, linear */
         return hada_fail(err, HADA_ERROR_MODEL, "the response of the model's scenes, %g, is none (hadalens/response.h)",
                          info->scene_response);
-    if ((hada_colours_known(info->colour_matrix) && info->channels != HADA_COLOURS) ||
-        !hada_colours_usable(info->colour_matrix))
+    if (hada_colours_known(info->colour_matrix) &&
+        (info->channels != HADA_COLOURS || info->mosaic != HADA_MOSAIC_NONE ||
+         !hada_colours_usable(info->colour_matrix)))
         return hada_fail(
             err, HADA_ERROR_MODEL,
-            "the model's colour matrix has nine numbers of at most 10, as its inverse has, and is for three "
-            "channels; it begins with %g, and the model has %d channel(s)",
-            info->colour_matrix[0], info->channels);
+            "a colour matrix is for cameras of three channels without a colour filter mosaic, and its numbers "
+            "and those of its inverse are at most 10; this one begins with %g, and the camera has %d "
+            "channel(s)%s",
+            info->colour_matrix[0], info->channels, info->mosaic ? " and a mosaic" : "");
     if (info->mosaic != HADA_MOSAIC_NONE && !hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic))
         return hada_fail(err, HADA_ERROR_MODEL, "the model's colour filter mosaic, %d, is none", (int)info->mosaic);
     if (info->mosaic != HADA_MOSAIC_NONE && info->channels != 3)

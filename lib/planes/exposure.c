@@ -341,10 +341,10 @@ static hada_status divide(hada_frame_exposure *exposure, const hada_exposure_rul
     return rule->dark_varies ? hada_dark_levels(&exposure->pixels, exposure->mosaic, levels, err) : HADA_OK;
 }
 
-/* Whether a frame is brought from the sensor's colours to the scenes'. Pixels of a mosaic have one of them. */
+/* Whether a frame is brought from the sensor's colours to the scenes'. */
 static int has_matrix(const hada_frame_exposure *exposure)
 {
-    return hada_colours_known(exposure->info->colour_matrix) && exposure->mosaic == HADA_MOSAIC_NONE;
+    return hada_colours_known(exposure->info->colour_matrix);
 }
 
 /* What is above dark levels and dark frame, which stay: they are subtracted later. */
@@ -396,6 +396,12 @@ static hada_status begin(hada_frame_exposure *exposure, const hada_frame_kind *k
     HADA_TRY(hada_frame_check_size(info, kind, pixels->channels, pixels->rows, pixels->cols, err));
     HADA_TRY(hada_frame_bin(pixels, &exposure->binned, info, kind, err));
     exposure->mosaic = mosaic_of(info, kind->mosaic, pixels->channels);
+    if (exposure->mosaic != HADA_MOSAIC_NONE && hada_colours_known(info->colour_matrix))
+        return hada_fail(
+            err, HADA_ERROR_MODEL,
+            "the model %s has a colour matrix, which is for frames whose pixels hold all colours: this frame "
+            "is a colour filter mosaic",
+            info->name);
     if (exposure->mosaic != HADA_MOSAIC_NONE && (pixels->rows < 2 || pixels->cols < 2))
         return hada_fail(err, HADA_ERROR_MODEL, "a colour filter mosaic has at least 2 x 2 pixels");
     exposure->pixels = *pixels;

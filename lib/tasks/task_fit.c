@@ -247,19 +247,18 @@ static hada_status survey_colours(hada_survey **out, hada_context *context, cons
     enum { ROUNDS = 4 };
     hada_fit_options fit = *given;
     hada_dataset *even = NULL;
-    double m[HADA_COLOUR_MATRIX], response = 0.0;
-    int found = 1, exposed = 0;
+    double m[HADA_COLOUR_MATRIX];
+    int found = given->find_colours && !hada_colours_known(given->colour_matrix);
     hada_status status = HADA_OK;
     memcpy(m, given->colour_matrix, sizeof m);
-    const int open = given->find_colours && !hada_colours_known(m);
     for (int round = 0; round < ROUNDS; round++) {
+        const double response = fit.scene_response;
         HADA_TRY_OR_DONE(survey_once(out, context, data, given, exposure, m, err));
-        if (!open || !found || (round && (*out)->response == response && (*out)->exposed == exposed))
+        if (!found || (round && (*out)->response == response && !(*out)->exposed))
             break;
-        fit.scene_response = response = (*out)->response;
-        exposed = (*out)->exposed;
+        fit.scene_response = (*out)->response;
         HADA_TRY_OR_DONE(hada_survey_apply(&even, *out, data, err));
-        HADA_TRY_OR_DONE(hada_fit_find_colours(&fit, context, even, m, &found, err));
+        HADA_TRY_OR_DONE(hada_fit_find_colours(&fit, context, even, (*out)->exposed, m, &found, err));
         hada_dataset_destroy(&even);
         if (!found && !round)
             break;

@@ -138,14 +138,16 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
             hadalens.fit,
             "hada_fit_options",
             {"depths", "channels", "distances_mm", "raw_rows", "raw_cols", "window_rows", "window_cols"}
-            | {"lambda", "grid_rows", "grid_cols", "monitor", "communicator", "sums", "sensor_mosaic", "find_dark"},
+            | {"lambda", "grid_rows", "grid_cols", "monitor", "communicator", "sums", "sensor_mosaic"}
+            | {"find_dark", "find_colours"},
         ),
         (hadalens.fit, "hada_fit_task", {"fit", "merge_count", "monitor"}),
         (
             hadalens.Fitter,
             "hada_fit_options",
             {"depths", "raw_rows", "raw_cols", "window_rows", "window_cols", "lambda"}
-            | {"grid_rows", "grid_cols", "monitor", "communicator", "sums", "sensor_mosaic", "find_dark"},
+            | {"grid_rows", "grid_cols", "monitor", "communicator", "sums", "sensor_mosaic"}
+            | {"find_dark", "find_colours"},
         ),
         (
             hadalens.Model.from_psf,

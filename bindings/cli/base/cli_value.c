@@ -105,6 +105,24 @@ hada_status hada_cli_read_depths(const char *option, const char *text, const dou
     return good ? HADA_OK : no_such_depth(option, text, distances_mm, count, err);
 }
 
+hada_status hada_cli_read_colours(const char *text, double matrix[9], int *find, hada_error *err)
+{
+    const char *rest = text;
+    char *end;
+    *find = !text || !strcmp(text, "auto");
+    if (*find || !strcmp(text, "none"))
+        return HADA_OK;
+    for (int i = 0; rest && i < 9; i++) {
+        matrix[i] = strtod(rest, &end);
+        rest = end != rest && *end == (i < 8 ? ',' : '\0') ? end + (i < 8) : NULL;
+    }
+    return rest ? HADA_OK
+                : hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                                 "--colour-matrix takes auto, none, or nine numbers: what the sensor's red, green and "
+                                 "blue see of the scenes', such as 0.8,0.2,0,0.1,0.7,0.2,0,0.3,0.7, not '%s'",
+                                 text);
+}
+
 hada_status hada_cli_read_distances(const char *option, const char *text, double *out, int capacity, int *found,
                                     hada_error *err)
 {

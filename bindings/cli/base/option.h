@@ -127,6 +127,9 @@ hada_status hada_cli_read_depths(const char *option, const char *text, const dou
 hada_status hada_cli_read_distances(const char *option, const char *text, double *out, int capacity, int *found,
                                     hada_error *err);
 
+/* A colour matrix (hada_fit_options); *find: 1: none is given, but it may be found. */
+hada_status hada_cli_read_colours(const char *text, double matrix[9], int *find, hada_error *err);
+
 /* The commands, each in its own cmd_*.c. */
 
 extern const hada_cli_command hada_cli_devices;

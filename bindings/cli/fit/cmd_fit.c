@@ -14,7 +14,7 @@ typedef struct settings {
     hada_fit_task task;
     hada_psf_options psf_options;
     hada_psf_task psf_task;
-    const char *output, *psf, *dark, *flat, *distances, *response, *frame_encoding, *frame, *psf_distance;
+    const char *output, *psf, *dark, *flat, *distances, *response, *frame_encoding, *frame, *psf_distance, *colours;
     hada_cli_texts merge;
     int form;     /* 0: not given */
     int psf_sign; /* 1: nowhere negative, 0: free, -1: not given */
@@ -72,6 +72,10 @@ static const hada_cli_option options[] = {
      "each: every pair has an exposure of its own, as with a camera that sets it by itself; it is found. auto: each "
      "where that explains most of what is unexplained otherwise.",
      ONE_OF(task.exposure, HADA_EXPOSURE_AUTO, HADA_EXPOSURE_SAME, HADA_EXPOSURE_EACH)},
+    {HADA_OPTION_TEXT, "colour-matrix", 0, "auto|none|M", "what the sensor sees of the scenes' colours (default: auto)",
+     "A sensor's red sees some of a display's green. M: nine numbers, the shares of red, green and blue that its red, "
+     "then its green and its blue hold. auto: found, from pairs in full colour. Results have the scenes' colours.",
+     AT(colours)},
     {HADA_OPTION_CHOICE, "bayer", 0, "auto|none|rggb|bggr|grbg|gbrg",
      "colour filter mosaic of raw frames of one channel (default: auto)",
      "The colours of the first two rows and columns. auto: as raw files say (DNG), else none. Each colour's transfer "
@@ -351,6 +355,8 @@ static void fit_tell_model(hada_cli *cli, const char *path, const hada_model *mo
                  {"refine_share", info->refine_share}, {"noise", info->noise});
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(entry, "mosaic", json_string(mosaic));
+    if (info->colour_matrix[0] != 0.0)
+        json_object_set_new(entry, "colour_matrix", hada_cli_reals(info->colour_matrix, 9));
     if (binned)
         json_object_set_new(entry, "downsample", json_integer(info->downsample));
     if (info->positions)
@@ -412,6 +418,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     fit.communicator = hada_cli_communicator(cli);
     task.monitor = &cli->monitor;
     HADA_TRY_OR_DONE(hada_response_from_name(&fit.scene_response, set->response, err));
+    HADA_TRY_OR_DONE(hada_cli_read_colours(set->colours, fit.colour_matrix, &fit.find_colours, err));
     if (folder) {
         HADA_TRY_OR_DONE(hada_response_from_name(&scan.frame_encoding, set->frame_encoding, err));
         fit.find_dark = !set->dark;
@@ -470,6 +477,7 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     HADA_TRY(
         hada_cli_read_distances("psf-distance", set->psf_distance, taken, MOST_DISTANCES, &task.psf_distances, err));
     HADA_TRY(hada_response_from_name(&task.frame_encoding, set->frame_encoding, err));
+    HADA_TRY(hada_cli_read_colours(set->colours, psf.colour_matrix, &(int){0}, err));
     psf.refine_steps = set->fit.refine_steps;
     psf.refine_tv = set->fit.refine_tv;
     HADA_TRY_OR_DONE(hada_cli_read_dark_level(&psf.dark, &dark, set->dark, err));

@@ -198,3 +198,12 @@ def check_out(array: Any, shape: Sequence[int], what: str) -> Float32:
     if array.shape != tuple(shape) or not array.flags.c_contiguous or not array.flags.writeable:
         raise errors.SizeError(f"{what} must be a dense, writable array of shape {tuple(shape)}, not {array.shape}")
     return array
+
+
+def nine(matrix: npt.ArrayLike) -> list[float]:
+    """Return a colour matrix as C takes it."""
+    values = np.asarray(matrix, np.float64)
+    if values.shape != (3, 3):
+        raise errors.SizeError(f"colour_matrix has the shape {values.shape}: it must be (3, 3)")
+    rows: list[float] = values.ravel().tolist()
+    return rows

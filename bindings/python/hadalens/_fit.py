@@ -6,8 +6,11 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, TypedDict
 
+import numpy.typing as npt
+
+from . import errors
 from . import response as responses
-from ._arrays import Mosaic, MosaicOfFiles
+from ._arrays import Mosaic, MosaicOfFiles, nine
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._native import (
     AUTO,
@@ -61,6 +64,7 @@ class FitOptions(TypedDict, total=False):
     refine_ridge: float | None
     nonnegative: bool
     scene_response: float | str | None
+    colour_matrix: npt.ArrayLike | Literal["auto"] | None
     crop_passes: int | None
     leave_one_out: bool
     mosaic: Mosaic
@@ -81,6 +85,7 @@ def fit_options(
     refine_ridge: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
+    colour_matrix: npt.ArrayLike | Literal["auto"] | None = "auto",
     crop_passes: int | None = None,
     leave_one_out: bool = True,
     mosaic: Mosaic = "none",
@@ -89,6 +94,9 @@ def fit_options(
 ) -> Options:
     """Return hada_fit_options of what fit and Fitter take alike."""
     rows, cols = window or (None, None)
+    found = isinstance(colour_matrix, str)
+    if found and colour_matrix != "auto":
+        raise errors.ArgumentError(f"colour_matrix={colour_matrix!r} is not known: 'auto', None, or 3 x 3 numbers")
     return Options(
         "hada_fit_options",
         form=form,
@@ -104,6 +112,8 @@ def fit_options(
         refine_ridge=refine_ridge,
         nonnegative=nonnegative,
         scene_response=None if scene_response is None else responses.number(scene_response),
+        find_colours=found,
+        colour_matrix=None if found or colour_matrix is None else nine(colour_matrix),
         crop_passes=crop_passes,
         leave_one_out=leave_one_out,
         mosaic="none" if downsample > 1 else mosaic,
@@ -132,6 +142,7 @@ def fit(
     refine_ridge: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
+    colour_matrix: npt.ArrayLike | Literal["auto"] | None = "auto",
     exposure: Literal["auto", "same", "each"] = "auto",
     crop_passes: int | None = None,
     leave_one_out: bool = True,
@@ -160,6 +171,8 @@ def fit(
             by leaving pairs out (docs/explanation/learning-a-camera.md, docs/explanation/refinement.md).
         nonnegative: point spread functions are nowhere negative, where the pairs say too little.
         scene_response: how scenes stand for light: "linear", "srgb", a power; None: found.
+        colour_matrix: (3, 3), of each of the sensor's channels what it sees of the scenes' red, green and blue; "auto":
+            found from pairs in full colour; None: they see the same. Results have the scenes' colours.
         exposure: whether frames of a depth were exposed alike: "auto" (found), "same" or "each".
         leave_one_out: False: what is open takes plain defaults, at once.
         half: filters in half precision.
@@ -203,6 +216,7 @@ def fit(
         refine_ridge=refine_ridge,
         nonnegative=nonnegative,
         scene_response=scene_response,
+        colour_matrix=colour_matrix,
         crop_passes=crop_passes,
         leave_one_out=leave_one_out,
     )

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._arrays import Float32, Floats, Image, Mosaic, address, as_array, copy_of
+from ._arrays import Float32, Floats, Image, Mosaic, address, as_array, copy_of, nine
 from ._fit_report import FitReport
 from ._native import (
     AUTO,
@@ -63,6 +63,8 @@ class ModelInfo:
         components: above 1: point spread functions vary over the field, by so many components for each depth.
         positions: at which they were measured; 0: they do not vary.
         lost, lost_single: share of the measured energy that the components leave, and that the mean one alone does.
+        colour_matrix: rows of what the sensor's channels see of the scenes' colours, to which frames are brought back;
+            None: they are the same.
 
     """
 
@@ -102,8 +104,13 @@ class ModelInfo:
     lost_single: float
     refine_noise: float
     refine_noise_largest: float
+    colour_matrix: tuple[tuple[float, ...], ...] | None
     regularisation: float  # "lambda" in C
     distances_mm: tuple[float, ...]
+
+
+def _rows(matrix: Any) -> tuple[tuple[float, ...], ...] | None:
+    return tuple(tuple(matrix[k : k + 3]) for k in (0, 3, 6)) if matrix[0] else None
 
 
 class Model(Handle):
@@ -186,6 +193,7 @@ class Model(Handle):
         positions: npt.ArrayLike | None = None,
         components: int | None = None,
         explained: float = 0.99,
+        colour_matrix: npt.ArrayLike | None = None,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
 
@@ -218,6 +226,8 @@ class Model(Handle):
                 Z times N images. Methods "rl" and "fista" and the scene "volume" take such models.
             components: of functions that vary; 1: their mean alone; None: as few as explain the next share.
             explained: of their energy.
+            colour_matrix: (3, 3), of each of the sensor's channels what it sees of the scenes' red, green and blue;
+                frames are brought to the scenes' colours. None: they have them.
 
         Raises:
             SizeError, ArgumentError: sizes or values do not fit.
@@ -262,6 +272,7 @@ class Model(Handle):
             position_cols=None if places is None else places[..., 1].ravel().tolist(),
             components=components,
             explained=explained,
+            colour_matrix=None if colour_matrix is None else nine(colour_matrix),
             **{"lambda": regularisation},
         )
         return cls._new(
@@ -490,6 +501,7 @@ class Model(Handle):
             struct,
             regularisation=getattr(struct, "lambda"),
             distances_mm=tuple(struct.distances_mm[z] for z in range(struct.depths)),
+            colour_matrix=_rows(struct.colour_matrix),
         )
 
     def to_half(self) -> Model:

@@ -166,6 +166,7 @@ typedef struct hada_psf_options {
     const double *position_rows, *position_cols;
     int components;   /* at most 16; 1: the mean PSF alone; HADA_AUTO (default): as few as explain the share below */
     double explained; /* of the energy of the PSFs of each depth, with HADA_AUTO components; 0.99 by default */
+    double colour_matrix[9]; /* of the model; all 0 by default */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -1,0 +1,221 @@
+/* What a sensor sees of the scenes' colours: found in pairs, kept by models and sums, undone in frames. */
+#include <hadalens/task_fit.h>
+
+#include "camera_small.h"
+#include "dataset/dataset.h"
+#include "device_fixture.h"
+#include "fit/fit_sums.h"
+#include "image/colour_matrix.h"
+#include "model/model.h"
+
+enum { ROWS = 72, COLS = 96, WINDOW = 40, CHANNELS = 3, PAIRS = 4, AREA = ROWS * COLS };
+#define NOISE 0.002
+static const double distance = 100.0;
+static const double mixing[] = {0.75, 0.2, 0.05, 0.15, 0.65, 0.2, 0.05, 0.25, 0.7};
+
+typedef struct pairs {
+    hada_image psf, frame[PAIRS], scene[PAIRS];
+} pairs;
+
+/* m NULL: the sensor has the colours of the scenes. */
+static void make_pairs(pairs *set, const double *m, double response, int grey)
+{
+    set->psf = small_psf(CHANNELS, ROWS, COLS, 9, 5);
+    for (int i = 0; i < PAIRS; i++) {
+        hada_image *frame = &set->frame[i], *scene = &set->scene[i];
+        ASSERT_OK(hada_scene_procedural(scene, 70 + (uint64_t)i, CHANNELS, WINDOW, WINDOW, err));
+        for (size_t k = 0; grey && k < hada_image_count(scene); k++)
+            scene->data[k] = scene->data[k % (WINDOW * WINDOW)];
+        *frame = small_frame(&set->psf, scene, 1, 0.0, (uint64_t)i);
+        if (m)
+            hada_colours_mix(frame->data, AREA, m);
+        hada_random random;
+        hada_random_seed(&random, 3, (uint64_t)i);
+        for (size_t k = 0; k < hada_image_count(frame); k++)
+            frame->data[k] += (float)(NOISE * hada_random_normal(&random));
+        hada_response_convert(scene->data, hada_image_count(scene), HADA_RESPONSE_LINEAR, response);
+    }
+}
+
+static void free_pairs(pairs *set)
+{
+    hada_image_destroy(&set->psf);
+    destroy_images(set->frame, PAIRS);
+    destroy_images(set->scene, PAIRS);
+}
+
+static hada_dataset *data_of(pairs *set)
+{
+    static const int count = PAIRS;
+    hada_dataset *data;
+    ASSERT_OK(hada_dataset_from_images(&data, 1, &distance, &count, set->frame, set->scene, err));
+    return data;
+}
+
+static hada_model *learn(pairs *set, const hada_fit_options *fit)
+{
+    DEFAULTS(hada_fit_task, task);
+    SCOPED(hada_dataset) *data = data_of(set);
+    hada_model *model;
+    task.fit = fit;
+    task.boundary = HADA_BOUNDARY_PADDED;
+    ASSERT_OK(hada_fit_run(&model, NULL, context, data, &task, err));
+    return model;
+}
+
+static double farthest(const double *a, const double *b)
+{
+    double most = 0.0;
+    for (int i = 0; i < HADA_COLOUR_MATRIX; i++)
+        most = fmax(most, fabs(a[i] - b[i]));
+    return most;
+}
+
+TEST(matrices_are_inverted)
+{
+    double inverse[HADA_COLOUR_MATRIX], product[HADA_COLOUR_MATRIX] = {0.0};
+    static const double one[] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, none[HADA_COLOUR_MATRIX] = {0.0};
+    static const double alike[] = {1, 0, 0, 1, 0, 0, 0, 0, 1};
+    float planes[] = {1, 2, 3, 4, 5, 6};
+    hada_colours_invert(mixing, inverse);
+    for (int i = 0; i < HADA_COLOUR_MATRIX; i++)
+        for (int k = 0; k < HADA_COLOURS; k++)
+            product[i] += mixing[i / HADA_COLOURS * HADA_COLOURS + k] * inverse[k * HADA_COLOURS + i % HADA_COLOURS];
+    assert_true(farthest(product, one) < 1e-12);
+    assert_true(hada_colours_usable(none) && hada_colours_usable(mixing) && !hada_colours_usable(alike));
+    assert_true(!hada_colours_known(none) && hada_colours_known(one));
+    hada_colours_mix(planes, 2, mixing);
+    assert_true(fabsf(planes[1] - (float)(0.75 * 2 + 0.2 * 4 + 0.05 * 6)) < 1e-6f);
+    assert_true(fabsf(planes[4] - (float)(0.05 * 1 + 0.25 * 3 + 0.7 * 5)) < 1e-6f);
+}
+
+/* By linear and by encoded scenes, and with exposures that differ besides; none of frames that are not mixed, or whose
+ * scenes are grey, or where nobody shall look. */
+TEST(mixed_colours_are_found)
+{
+    static const double none[HADA_COLOUR_MATRIX] = {0.0};
+    for (int k = 0; k < 6; k++) {
+        const int mixes = k != 3, found = k < 3;
+        DEFAULTS(hada_fit_options, fit);
+        pairs set;
+        make_pairs(&set, mixes ? mixing : NULL, k == 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, k == 4);
+        for (size_t i = 0; k == 2 && i < hada_image_count(&set.frame[1]); i++)
+            set.frame[1].data[i] *= 0.6f;
+        fit.find_colours = k != 5;
+        SCOPED(hada_model) *model = learn(&set, &fit);
+        const double off = farthest(hada_model_get_info(model)->colour_matrix, found ? mixing : none);
+        print_message("%d: off by %.4f\n", k, off);
+        assert_true(off < (found ? 0.02 : 1e-12));
+        free_pairs(&set);
+    }
+}
+
+/* A model that knows the matrix, from a file, makes of mixed frames what one without makes of frames that are not
+ * mixed: with a dark level, and where pixels of one channel are saturated, those of the others are left out as well. */
+TEST(frames_get_the_colours_of_scenes)
+{
+    const hada_mosaic mosaics[] = {HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB};
+    SCOPED(hada_model) * plain, *told, *loaded;
+    SCOPED(hada_plan) * usual, *mixed;
+    SCOPED(hada_result) pure = {0}, back = {0};
+    SCOPED(hada_image) frame, grey;
+    DEFAULTS(hada_psf_options, options);
+    DEFAULTS(hada_plan_options, how);
+    hada_error error = {0};
+    pairs set;
+    char path[] = "/tmp/hadalens-test-XXXXXX";
+    close(mkstemp(path));
+    make_pairs(&set, NULL, HADA_RESPONSE_LINEAR, 0);
+    options.window_rows = options.window_cols = WINDOW;
+    options.psf_dark = 0.0;
+    ASSERT_OK(hada_model_from_psf(&plain, context, &set.psf, 1, &distance, &options, err));
+    memcpy(options.colour_matrix, mixing, sizeof mixing);
+    ASSERT_OK(hada_model_from_psf(&told, context, &set.psf, 1, &distance, &options, err));
+    ASSERT_OK(hada_model_save(told, path, err));
+    ASSERT_OK(hada_model_load(&loaded, path, err));
+    unlink(path);
+    assert_memory_equal(hada_model_get_info(loaded)->colour_matrix, mixing, sizeof mixing);
+    how.refine_tv = 1e-3;
+    how.dark = HADA_DARK_LEVEL;
+    how.dark_level = 0.05;
+    ASSERT_OK(hada_plan_create(&usual, context, plain, &how, err));
+    ASSERT_OK(hada_plan_create(&mixed, context, loaded, &how, err));
+    ASSERT_OK(hada_image_copy(&frame, &set.frame[0], err));
+    hada_colours_mix(frame.data, AREA, mixing);
+    for (size_t i = 0; i < hada_image_count(&frame); i++) {
+        frame.data[i] += 0.05f;
+        set.frame[0].data[i] += 0.05f;
+    }
+    ASSERT_OK(hada_plan_run(usual, &set.frame[0], &pure, err));
+    ASSERT_OK(hada_plan_run(mixed, &frame, &back, err));
+    const size_t count = hada_image_count(&pure.planes[0]);
+    assert_true(relative_change(back.planes[0].data, pure.planes[0].data, count) < 1e-3);
+    float most = 0.0f; /* of the green channel, which is cut off */
+    for (int i = 0; i < AREA; i++)
+        most = fmaxf(most, frame.data[AREA + i]);
+    for (int i = 0; i < CHANNELS * AREA; i++)
+        frame.data[i] = fminf(frame.data[i], 0.9f * most);
+    ASSERT_OK(hada_plan_run(mixed, &frame, &back, err));
+    assert_true(back.report->saturated_pixels > 5);
+    const double off = relative_change(back.planes[0].data, pure.planes[0].data, count);
+    print_message("cut off: off by %.4f\n", off);
+    assert_true(off < 0.1);
+    ASSERT_OK(hada_image_create(&grey, 1, ROWS, COLS, err));
+    for (int k = 0; k < 2; k++) { /* a mosaic is refused, and so is a frame of one channel that is none */
+        hada_plan_options mosaic = how;
+        SCOPED(hada_plan) *plan = NULL;
+        mosaic.mosaic = mosaics[k];
+        ASSERT_OK(hada_plan_create(&plan, context, loaded, &mosaic, err));
+        assert_int_equal(hada_plan_run(plan, &grey, &back, &error), HADA_ERROR_MODEL);
+    }
+    free_pairs(&set);
+}
+
+/* One channel, mosaics, and matrices that cannot be inverted. */
+TEST(matrices_that_fit_nothing_are_refused)
+{
+    SCOPED(hada_image) psf = small_psf(CHANNELS, ROWS, COLS, 9, 5), grey = small_psf(1, ROWS, COLS, 9, 5);
+    hada_error error = {0};
+    for (int k = 0; k < 4; k++) {
+        SCOPED(hada_model) *model = NULL;
+        DEFAULTS(hada_psf_options, options);
+        options.window_rows = options.window_cols = WINDOW;
+        memcpy(options.colour_matrix, mixing, sizeof mixing);
+        options.mosaic = k == 1 ? HADA_MOSAIC_RGGB : HADA_MOSAIC_NONE;
+        if (k == 2)
+            memcpy(options.colour_matrix, options.colour_matrix + HADA_COLOURS, HADA_COLOURS * sizeof(double));
+        if (k == 3)
+            options.colour_matrix[4] = NAN;
+        assert_int_equal(hada_model_from_psf(&model, context, k ? &psf : &grey, 1, &distance, &options, &error),
+                         HADA_ERROR_MODEL);
+    }
+}
+
+/* Sums remember the matrix of their fit, and are not added to those of another. */
+TEST(sums_remember_the_colours)
+{
+    hada_fit_options options = helpers_fit(1, CHANNELS, &distance, ROWS, COLS, WINDOW), again;
+    SCOPED(hada_fitter) * fitter, *other;
+    hada_error error = {0};
+    pairs set;
+    char path[] = "/tmp/hadalens-test-XXXXXX";
+    close(mkstemp(path));
+    unlink(path);
+    make_pairs(&set, mixing, HADA_RESPONSE_LINEAR, 0);
+    memcpy(options.colour_matrix, mixing, sizeof mixing);
+    SCOPED(hada_dataset) *data = data_of(&set);
+    ASSERT_OK(hada_fitter_create(&fitter, context, &options, err));
+    ASSERT_OK(hada_fitter_add(fitter, data, err));
+    ASSERT_OK(hada_fitter_save_sums(fitter, path, err));
+    hada_fit_options_init(&again);
+    ASSERT_OK(hada_fit_sums_options(path, &again, err));
+    assert_memory_equal(again.colour_matrix, mixing, sizeof mixing);
+    options.colour_matrix[0] += 0.01;
+    ASSERT_OK(hada_fitter_create(&other, context, &options, err));
+    assert_int_equal(hada_fitter_load_sums(other, path, &error), HADA_ERROR_SIZE);
+    assert_non_null(strstr(error.message, "colour_matrix"));
+    unlink(path);
+    free_pairs(&set);
+}
+
+FIXTURE(open_device, close_device)

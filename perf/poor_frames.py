@@ -5,8 +5,9 @@ four frames of other photographs, in dB, with a common gain taken off.
 none: as simulated. hot: one pixel of a thousand at white. room: light of a room, 5 % of full scale and a slope of 12 % more.
 rooms: another one in each frame. srgb: 8 bits, encoded for displays. eight: 8 bits. level: a dark level of 6 %, 16 bits. black: cut
 off at black. exposures: each frame's own, 0.7 to 1.4. rows: an offset of each row, 1 % of full scale. gains: of each pixel, 2 %.
-white: the brightest 5 % cut off. corners: 60 % of the light is lost there. --frames: the pairs are as simulated. Needs NumPy and
-tifffile."""
+white: the brightest 5 % cut off. corners: 60 % of the light is lost there. colours, few_colours: each channel of the sensor sees
+some of the others, up to a third or a twentieth; both_colours: a third, and each frame's own exposure. --frames: the pairs are as
+simulated. Needs NumPy and tifffile."""
 import argparse
 import json
 import pathlib
@@ -25,6 +26,9 @@ CAMERAS = [
     ("crop300", "mla", 0.01, "linear", 8, 2, 3, 3),
     ("crop300", "diffuser", 0.005, "srgb", 4, 1, 1, 1),
 ]
+MANY = np.array([[0.77, 0.19, 0.04], [0.13, 0.67, 0.2], [0.04, 0.25, 0.71]])
+FEW = np.array([[0.95, 0.05, 0], [0.05, 0.9, 0.05], [0, 0.05, 0.95]])
+COLOURS = {"colours": MANY, "few_colours": FEW, "both_colours": MANY}
 WHITE = 0.8  # the brightest pixel of a camera's frames
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("hadalens", type=pathlib.Path)
@@ -46,7 +50,10 @@ def spoil(kind, frame, chance):
     rows, cols = frame.shape[:2]
     shape = (rows, cols) + (1,) * (frame.ndim - 2)
     y, x = (np.mgrid[:rows, :cols] / np.array([rows, cols])[:, None, None]).reshape(2, *shape)
-    if kind == "hot":
+    if kind in COLOURS:
+        frame = frame @ COLOURS[kind].T if frame.ndim == 3 else frame
+        frame = frame * chance.uniform(0.7, 1.4) if kind == "both_colours" else frame
+    elif kind == "hot":
         frame = np.where(sensor.random(shape) < 0.001, 1.0, frame)
     elif kind == "room":
         frame = frame + 0.05 + 0.08 * x + 0.04 * y

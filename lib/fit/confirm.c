@@ -228,20 +228,35 @@ static hada_status confirm(confirming *of, int apart, int *row, double *least, h
     return HADA_OK;
 }
 
+/* Whether it is worth a look: on small copies exposures of their own leave less than this share of what is unexplained.
+ */
+#define MAYBE_APART 0.8
+
+static int may_be_apart(const hada_survey *survey, hada_exposure exposure)
+{
+    double alike = INFINITY, apart = INFINITY;
+    for (int r = 0; survey->rows[r]; r++) {
+        alike = fmin(alike, survey->rows[r]->unexplained);
+        apart = fmin(apart, survey->rows[r]->unexplained_apart);
+    }
+    return survey->exposed || (exposure == HADA_EXPOSURE_AUTO && apart < MAYBE_APART * alike);
+}
+
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,
                                     hada_context *context, const hada_dataset *pairs, hada_error *err)
 {
     confirming of = {0};
     hada_survey *exposures = NULL;
     int alike = 0, apart = 0;
+    const int looks = may_be_apart(survey, exposure);
     double left_alike = INFINITY, left_apart = INFINITY;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
-    if (!of.rows || (of.rows == 1 && !survey->exposed))
+    if (!of.rows || (of.rows == 1 && !looks))
         goto done;
     if (exposure != HADA_EXPOSURE_EACH)
         HADA_TRY_OR_DONE(confirm(&of, 0, &alike, &left_alike, err));
-    if (survey->exposed)
+    if (looks)
         HADA_TRY_OR_DONE(confirm(&of, 1, &apart, &left_apart, err));
     if (left_apart < SURE * left_alike) {
         of.options.scene_response = survey->rows[apart]->response;

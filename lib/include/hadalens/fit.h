@@ -69,12 +69,12 @@ typedef struct hada_fit_options {
     hada_mosaic sensor_mosaic; /* hada_dataset_info says; 1 and HADA_MOSAIC_NONE by default */
     int find_dark; /* 1 (default): where `dark` is 0, hada_fit_run() and hada_train_run() look in the pairs for a level
                       that all frames have in common */
-    double colour_matrix[9]; /* three channels: the sensor's channel c sees colour_matrix[3 c + k] of channel k of the
-                                scenes, in linear light, so scenes are learned in the sensor's colours, and the model
-                                gives planes in the scenes'. Rows have the sum 1: brightness is in the transfer
-                                functions. All 0 (default): found by hada_fit_run() and hada_train_run() where
-                                find_colours is 1, else channels are alike */
-    int find_colours;        /* 1 by default */
+    double
+        colour_matrix[9]; /* three channels: the sensor's channel c sees colour_matrix[3 c + k] of what channel k of the
+                             scenes makes, in linear light; frames are multiplied by its inverse. Rows have the sum 1:
+                             brightness is in the transfer functions. All 0 (default): found by hada_fit_run() and
+                             hada_train_run() where find_colours is 1, else the sensor sees the scenes' colours */
+    int find_colours;     /* 1 by default */
 } hada_fit_options;
 HADA_INIT(hada_fit_options, HADA_STRUCT_FIT_OPTIONS)
 

@@ -82,9 +82,9 @@ typedef struct hada_model_info {
                                  noise get other weights; 0: not known */
     const hada_image *dark_frame; /* of all channels: subtracted from each pixel, as `dark` is. NULL: none. Owned by the
                                      model */
-    double colour_matrix[9]; /* transfer functions and filters are those of the sensor's colours, channel c of which is
-                                colour_matrix[3 c + k] of each channel k of a scene, in linear light: results are
-                                brought back to the scenes' colours. All 0: they are the same */
+    double colour_matrix[9];      /* channel c of the sensor sees colour_matrix[3 c + k] of what channel k of the scenes
+                                     makes, in      linear light: frames are multiplied by its inverse before anything else. All
+                                     0: they see      the same colours */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

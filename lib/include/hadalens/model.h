@@ -83,8 +83,8 @@ typedef struct hada_model_info {
     const hada_image *dark_frame; /* of all channels: subtracted from each pixel, as `dark` is. NULL: none. Owned by the
                                      model */
     double colour_matrix[9];      /* channel c of the sensor sees colour_matrix[3 c + k] of what channel k of the scenes
-                                     makes, in      linear light: frames are multiplied by its inverse before anything else.
-                                     All      0: they see      the same colours */
+                                     makes, in linear light; frames are multiplied by its inverse before anything else.
+                                     All 0: they see the same colours */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

@@ -233,6 +233,31 @@ def test_model_from_psf(camera: Path) -> None:
         hadalens.Model.from_psf(psfs, distances[:-1])
 
 
+def test_colours_that_a_sensor_mixes(arrays: Pairs, model: hadalens.Model, raw: Array) -> None:
+    """A matrix is found in the pairs, kept by models, and undone in frames."""
+    matrix = np.array([[0.75, 0.2, 0.05], [0.15, 0.65, 0.2], [0.05, 0.25, 0.7]])
+
+    def mixed(frame: Array) -> Array:
+        return np.asarray(np.einsum("ck,kyx->cyx", matrix, frame), np.float32)
+
+    pairs = {distance: [(mixed(frame), scene) for frame, scene in of] for distance, of in arrays.items()}
+    learned = hadalens.fit(pairs)
+    assert np.abs(np.array(learned.info.colour_matrix) - matrix).max() < 0.03
+    planes = hadalens.Plan(learned).run(mixed(raw)).stack
+    usual = hadalens.Plan(model).run(raw).stack
+    assert np.linalg.norm(planes - usual) < 0.1 * np.linalg.norm(usual)
+    assert hadalens.fit(pairs, colour_matrix=None, leave_one_out=False).info.colour_matrix is None
+    told = hadalens.fit(pairs, colour_matrix=matrix, leave_one_out=False)
+    assert np.array_equal(told.info.colour_matrix, matrix)
+    psf = np.zeros((3, 8, 8), np.float32)
+    psf[:, 4, 4] = 1
+    assert hadalens.Model.from_psf([psf], [100.0], colour_matrix=matrix).info.colour_matrix == told.info.colour_matrix
+    with pytest.raises(hadalens.SizeError, match="colour_matrix"):
+        hadalens.fit(pairs, colour_matrix=matrix[:2])
+    with pytest.raises(hadalens.ArgumentError, match="auto"):
+        hadalens.fit(pairs, colour_matrix="found")  # type: ignore[arg-type]
+
+
 def test_functions_that_vary_over_the_field(tmp_path: Path) -> None:
     """Components of measured point spread functions, from arrays and files alike; what they are; a better picture."""
     design = hadalens.Camera("sim300", channels=1, boundary="padded", distances_mm=(100.0, 300.0))

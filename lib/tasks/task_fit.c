@@ -248,17 +248,18 @@ static hada_status survey_colours(hada_survey **out, hada_context *context, cons
     hada_fit_options fit = *given;
     hada_dataset *even = NULL;
     double m[HADA_COLOUR_MATRIX];
-    int found = given->find_colours && !hada_colours_known(given->colour_matrix);
+    int found = given->find_colours && !hada_colours_known(given->colour_matrix), exposed = 0;
     hada_status status = HADA_OK;
     memcpy(m, given->colour_matrix, sizeof m);
     for (int round = 0; round < ROUNDS; round++) {
         const double response = fit.scene_response;
         HADA_TRY_OR_DONE(survey_once(out, context, data, given, exposure, m, err));
-        if (!found || (round && (*out)->response == response && !(*out)->exposed))
+        if (!found || (round && (*out)->response == response && !(*out)->exposed && !exposed))
             break;
         fit.scene_response = (*out)->response;
+        exposed = (*out)->exposed;
         HADA_TRY_OR_DONE(hada_survey_apply(&even, *out, data, err));
-        HADA_TRY_OR_DONE(hada_fit_find_colours(&fit, context, even, (*out)->exposed, m, &found, err));
+        HADA_TRY_OR_DONE(hada_fit_find_colours(&fit, context, even, exposed, m, &found, err));
         hada_dataset_destroy(&even);
         if (!found && !round)
             break;
@@ -284,6 +285,7 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context
                             hada_fit_options *fit, hada_exposure exposure, const hada_communicator *ranks,
                             const hada_monitor *monitor, hada_error *err)
 {
+    const int given = hada_colours_known(fit->colour_matrix);
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
@@ -292,7 +294,8 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context
                           "exposed");
     fit->scene_response = (*out)->response;
     memcpy(fit->colour_matrix, (*out)->colour_matrix, sizeof fit->colour_matrix);
-    tell_colours(fit, monitor);
+    if (!given)
+        tell_colours(fit, monitor);
     return hada_survey_apply(even, *out, data, err);
 }
 

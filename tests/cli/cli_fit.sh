@@ -31,6 +31,9 @@ cmp -s a.model srgb.model && fail '--scene-response changed nothing'
 expect 0 'differ in exposure' fit "$camera" -o each.model --exposure each
 expect 2 "'bright' is no response" fit "$camera" -o x --scene-response bright
 expect 2 'belong to pairs' fit --psf "$camera/psf.tif" -o x --scene-response srgb
+expect 0 '"colour_matrix": \[' fit "$camera" -o colours.model --colour-matrix 0.8,0.2,0,0.1,0.7,0.2,0,0.3,0.7 --no-leave-one-out --json
+expect 2 'nine numbers.*1,2' fit "$camera" -o x --colour-matrix 1,2
+expect 4 'its inverse are at most 10' fit "$camera" -o x --colour-matrix 1,0,0,1,0,0,0,0,1 --no-leave-one-out
 expect 2 'belong to pairs' fit --psf "$camera/psf.tif" -o x --exposure each
 
 # Filters judged in the window: the weight outside it is chosen, given, or 1, which is the exact fit.

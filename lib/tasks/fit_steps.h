@@ -24,7 +24,8 @@ void hada_mended_free(hada_mended *mended);
 hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
                           const hada_communicator *ranks, int surfaces, hada_error *err);
 
-/* Finds the response of the scenes, for `fit`, and exposures; *even: the pairs of one exposure. */
+/* Finds the response of the scenes and what the sensor sees of their colours, for `fit`, and exposures; *even: the
+ * pairs of one exposure. */
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
                             hada_fit_options *fit, hada_exposure exposure, const hada_communicator *ranks,
                             const hada_monitor *monitor, hada_error *err);

@@ -280,13 +280,9 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
             pair->scene_energy[c] = energy_of(light, window);
         }
     }
-    if (hada_colours_known(info->colour_matrix)) {
-        double inverse[HADA_COLOUR_MATRIX];
-        hada_colours_invert(info->colour_matrix, inverse);
-        hada_colours_mix(pair->raw_pixels, raw_area, inverse);
-        for (int c = 0; c < HADA_COLOURS; c++)
-            pair->raw_energy[c] = energy_of(pair->raw_pixels + (size_t)c * raw_area, raw_area);
-    }
+    hada_colours_unmix(pair->raw_pixels, raw_area, info->colour_matrix);
+    for (int c = 0; c < info->channels && hada_colours_known(info->colour_matrix); c++)
+        pair->raw_energy[c] = energy_of(pair->raw_pixels + (size_t)c * raw_area, raw_area);
 }
 
 hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const float *scene, hada_error *err)

@@ -41,6 +41,15 @@ int hada_colours_known(const double m[HADA_COLOUR_MATRIX])
     return 0;
 }
 
+void hada_colours_unmix(float *planes, size_t area, const double m[HADA_COLOUR_MATRIX])
+{
+    double inverse[HADA_COLOUR_MATRIX];
+    if (!hada_colours_known(m))
+        return;
+    hada_colours_invert(m, inverse);
+    hada_colours_mix(planes, area, inverse);
+}
+
 #define MOST 10.0
 
 int hada_colours_usable(const double m[HADA_COLOUR_MATRIX])

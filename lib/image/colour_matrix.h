@@ -9,6 +9,9 @@ enum { HADA_COLOURS = 3, HADA_COLOUR_MATRIX = HADA_COLOURS * HADA_COLOURS };
 /* Three planes of `area` values, one after the other, in place. */
 void hada_colours_mix(float *planes, size_t area, const double m[HADA_COLOUR_MATRIX]);
 
+/* The same with the inverse; nothing where the matrix is none. */
+void hada_colours_unmix(float *planes, size_t area, const double m[HADA_COLOUR_MATRIX]);
+
 double hada_colours_determinant(const double m[HADA_COLOUR_MATRIX]);
 /* Of a matrix whose determinant is not 0. */
 void hada_colours_invert(const double m[HADA_COLOUR_MATRIX], double inverse[HADA_COLOUR_MATRIX]);

@@ -352,13 +352,11 @@ static hada_status unmix(hada_frame_exposure *exposure, hada_error *err)
 {
     const size_t plane = plane_of(exposure);
     const float *dark = exposure->dark_frame;
-    double inverse[HADA_COLOUR_MATRIX];
     HADA_TRY(copy(exposure, err));
     float *values = exposure->own.data;
-    hada_colours_invert(exposure->info->colour_matrix, inverse);
     for (size_t i = 0; i < HADA_COLOURS * plane; i++)
         values[i] -= (float)exposure->levels[i / plane] + (dark ? dark[i] : 0.0F);
-    hada_colours_mix(values, plane, inverse);
+    hada_colours_unmix(values, plane, exposure->info->colour_matrix);
     for (size_t i = 0; i < HADA_COLOURS * plane; i++)
         values[i] += (float)exposure->levels[i / plane] + (dark ? dark[i] : 0.0F);
     return HADA_OK;

@@ -2,6 +2,7 @@
 
 #include <hadalens/scene.h>
 
+#include "image/colour_matrix.h"
 #include "image/statistics.h"
 
 void hada_example_free(hada_example *example)
@@ -53,6 +54,7 @@ hada_status hada_example_make(hada_example *out, hada_stage stage, const hada_mo
         if (stage == HADA_STAGE_CONVENTIONAL) {
             HADA_TRY_OR_DONE(hada_image_resize(&out->input, raw, info->window_rows, info->window_cols, err));
         } else {
+            hada_colours_unmix(raw->data, (size_t)raw->rows * (size_t)raw->cols, info->colour_matrix);
             out->input = *raw;
             *raw = (hada_image){0};
         }

@@ -15,6 +15,7 @@ typedef struct light_maker {
     hada_buffer image, spectrum; /* channels x the frame (the window before); channels x a spectrum */
     float *room;                 /* the frame, on the host */
     size_t frame, window;        /* floats */
+    const double *colour_matrix; /* the model's */
 } light_maker;
 
 static void destroy_light(light_maker *light)
@@ -30,7 +31,7 @@ static hada_status create_light(light_maker *light, hada_slot *slot, const hada_
 {
     hada_geometry at;
     hada_status status = HADA_OK;
-    *light = (light_maker){.slot = slot, .channels = info->channels};
+    *light = (light_maker){.slot = slot, .channels = info->channels, .colour_matrix = info->colour_matrix};
     light->frame = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     light->window = (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
     HADA_TRY_OR_DONE(hada_geometry_of(info, &at, err));
@@ -65,6 +66,8 @@ static hada_status add_light(light_maker *light, const hada_bank *bank, int dept
     HADA_TRY(
         hada_fft_inverse(light->inverse, light->channels, light->spectrum.mem, 0, light->image.mem, 0, &filter, err));
     HADA_TRY(hada_buffer_read(&light->image, light->slot, 0, light->room, light->frame * sizeof(float), err));
+    if (hada_colours_known(light->colour_matrix)) /* as the sensor sees it */
+        hada_colours_mix(light->room, light->frame / HADA_COLOURS, light->colour_matrix);
     for (size_t i = 0; i < light->frame; i++)
         frame->data[i] += light->room[i];
     return HADA_OK;

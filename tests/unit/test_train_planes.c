@@ -9,11 +9,13 @@ enum { CHANNELS = 3, ROWS = 26, COLS = 35, WINDOW_ROWS = 12, WINDOW_COLS = 20, D
 typedef struct planes_case {
     int padded, steps, half;
     double dark, tv;
+    int mixes; /* the sensor mixes the scenes' colours */
 } planes_case;
+static const double mixing[] = {0.75, 0.2, 0.05, 0.15, 0.65, 0.2, 0.05, 0.25, 0.7};
 
 static const planes_case cases[] = {
-    {0, 5, 0, 0.0, 0},   {1, 4, 0, 0.01, 0},     {0, 0, 0, -1.0, 0},    {1, 0, 1, 0.02, 0},
-    {0, 12, 1, -1.0, 0}, {0, 12, 0, 0.01, 3e-3}, {1, 6, 0, -1.0, 1e-3},
+    {0, 5, 0, 0.0, 0, 0},   {1, 4, 0, 0.01, 0, 0},     {0, 0, 0, -1.0, 0, 0},    {1, 0, 1, 0.02, 0, 0},
+    {0, 12, 1, -1.0, 0, 0}, {0, 12, 0, 0.01, 3e-3, 0}, {1, 6, 0, -1.0, 1e-3, 0}, {1, 6, 0, 0.01, 1e-3, 1},
 };
 
 static hada_model *model_of(hada_context *context, const planes_case *c, hada_image *psfs)
@@ -27,6 +29,8 @@ static hada_model *model_of(hada_context *context, const planes_case *c, hada_im
     options.refine_steps = c->steps;
     options.refine_tv = c->tv;
     options.dark = c->dark;
+    if (c->mixes)
+        memcpy(options.colour_matrix, mixing, sizeof mixing);
     ASSERT_OK(hada_model_from_psf(&model, context, psfs, DEPTHS, distances, &options, err));
     if (!c->half)
         return model;
@@ -83,15 +87,18 @@ static hada_composed halves(const hada_image *scene)
     return out;
 }
 
-/* What the frame should become, in double precision: what each depth has in addition, convolved with its PSF. */
+/* What the frame should become, in double precision: what each depth has in addition, convolved with its PSF, as the
+ * sensor sees it. */
 static double *expected_frame(const hada_image *psfs, const hada_image *frame, const hada_composed *composed,
-                              int padded)
+                              const planes_case *how)
 {
     double *out = calloc(hada_image_count(frame), sizeof *out);
     for (size_t i = 0; i < hada_image_count(frame); i++)
         out[i] = frame->data[i];
     for (int z = 0; z < composed->count; z++) {
-        SCOPED(hada_image) seen = small_frame(&psfs[z], &composed->light[z], padded, 0.0, 0);
+        SCOPED(hada_image) seen = small_frame(&psfs[z], &composed->light[z], how->padded, 0.0, 0);
+        if (how->mixes)
+            hada_colours_mix(seen.data, (size_t)ROWS * COLS, mixing);
         for (size_t i = 0; i < hada_image_count(frame); i++)
             out[i] += seen.data[i];
     }
@@ -132,8 +139,10 @@ static void check_others(const net_device *device, const hada_model *model, cons
     hada_image_destroy((hada_image *)&scene);
 }
 
-static void check_composed(const net_device *device, const hada_model *model, const hada_image *psfs, int padded)
+static void check_composed(const net_device *device, const hada_model *model, const hada_image *psfs,
+                           const planes_case *how)
 {
+    const int padded = how->padded;
     const hada_image scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
     hada_composed composed = halves(&scene);
     hada_planes *planes;
@@ -146,7 +155,7 @@ static void check_composed(const net_device *device, const hada_model *model, co
     assert_int_equal(hada_context_bytes(device->context) - before, bytes);
     for (int z = 0; z < DEPTHS; z++) {
         SCOPED(hada_image) frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
-        SCOPED_MEMORY double *expected = expected_frame(psfs, &frame, &composed, padded);
+        SCOPED_MEMORY double *expected = expected_frame(psfs, &frame, &composed, how);
         ASSERT_OK(hada_planes_make(planes, z, &frame, &composed, &plane, err));
         assert_true(relative_error(frame.data, expected, hada_image_count(&frame)) < 2e-6);
         if (!z)
@@ -167,15 +176,18 @@ static void check_composed(const net_device *device, const hada_model *model, co
 
 TEST(composed_frames_are_those_of_their_scene)
 {
-    static const planes_case how[] = {
-        {0, 8, 0, 0.0, 3e-3}, {1, 5, 0, 0.01, 1e-3}, {0, 4, 1, -1.0, 0}, {1, 0, 0, 0.0, 0}};
+    static const planes_case how[] = {{0, 8, 0, 0.0, 3e-3, 0},
+                                      {1, 5, 0, 0.01, 1e-3, 0},
+                                      {0, 4, 1, -1.0, 0, 0},
+                                      {1, 0, 0, 0.0, 0, 0},
+                                      {0, 8, 0, 0.0, 3e-3, 1}};
     net_device *device = *state;
     hada_image psfs[DEPTHS];
     for (int z = 0; z < DEPTHS; z++)
         psfs[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
     for (size_t i = 0; i < HADA_COUNT(how); i++) {
         SCOPED(hada_model) *model = model_of(device->context, &how[i], psfs);
-        check_composed(device, model, psfs, how[i].padded);
+        check_composed(device, model, psfs, &how[i]);
     }
     destroy_images(psfs, DEPTHS);
 }

@@ -160,7 +160,7 @@ static void find_rows(colour_trial *of, double *change)
     hada_colours_invert(normal, inverse);
     *change = 0.0;
     for (int c = 0; c < HADA_COLOURS; c++) {
-        double right[HADA_COLOURS], row[HADA_COLOURS] = {0.0}, sum = 0.0, *m = of->m + (size_t)c * HADA_COLOURS;
+        double right[HADA_COLOURS], row[HADA_COLOURS] = {0.0}, *m = of->m + (size_t)c * HADA_COLOURS;
         of->left[c] = product(of, of->seen[c], of->seen[c]);
         for (int k = 0; k < HADA_COLOURS; k++) {
             right[k] = product(of, of->made[k], of->seen[c]);
@@ -170,7 +170,7 @@ static void find_rows(colour_trial *of, double *change)
         }
         for (int k = 0; k < HADA_COLOUR_MATRIX; k++)
             row[k / HADA_COLOURS] += inverse[k] * right[k % HADA_COLOURS];
-        sum = row[0] + row[1] + row[2];
+        const double sum = row[0] + row[1] + row[2];
         for (int k = 0; k < HADA_COLOURS; k++) {
             *change = fmax(*change, fabs(row[k] / sum - m[k]));
             m[k] = row[k] / sum;
@@ -211,8 +211,9 @@ hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *con
     for (int c = 0; c < HADA_COLOURS; c++)
         less *= cbrt(of.left[c] / of.before[c]);
     *found = less < SURE;
-    memcpy(m, of.m, sizeof of.m);
 done:
+    for (int i = 0; !status && i < HADA_COLOUR_MATRIX; i++)
+        m[i] = *found ? of.m[i] : 0.0;
     end(&of);
     return status;
 }

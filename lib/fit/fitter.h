@@ -100,7 +100,8 @@ hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *con
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,
                                     hada_context *context, const hada_dataset *pairs, hada_error *err);
 /* What a sensor's channels see of the scenes' colours, of options->scene_response, by pairs of one exposure or, if
- * `exposed`, of nearly one: *found, whether frames are explained far better so; m as hada_fit_options.colour_matrix. */
+ * `exposed`, of nearly one: *found, whether frames are explained far better so; m as hada_fit_options.colour_matrix,
+ * all 0 otherwise. */
 hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                   int exposed, double m[HADA_COLOUR_MATRIX], int *found, hada_error *err);
 /* Among ranks: what the first of them has found. */

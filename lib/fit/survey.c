@@ -215,12 +215,10 @@ hada_status hada_survey_agree(hada_survey *survey, const hada_communicator *rank
 {
     owned_survey *own = (owned_survey *)survey; /* its first member */
     const int *counts = hada_dataset_get_info(pairs)->counts;
-    double found[2 + HADA_COLOUR_MATRIX] = {survey->response, survey->exposed};
-    memcpy(found + 2, survey->colour_matrix, sizeof survey->colour_matrix);
+    double found[] = {survey->response, survey->exposed};
     HADA_TRY(hada_broadcast(ranks, 0, found, sizeof found, err));
     survey->response = found[0];
     survey->exposed = found[1] != 0.0;
-    memcpy(survey->colour_matrix, found + 2, sizeof survey->colour_matrix);
     survey->gains = NULL;
     for (int r = 0; own->list[r]; r++)
         own->row[r].chosen = own->row[r].response == found[0];

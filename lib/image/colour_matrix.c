@@ -16,14 +16,14 @@ void hada_colours_mix(float *planes, size_t area, const double m[HADA_COLOUR_MAT
     }
 }
 
-double hada_colours_determinant(const double m[HADA_COLOUR_MATRIX])
+static double determinant_of(const double m[HADA_COLOUR_MATRIX])
 {
     return m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
 }
 
 void hada_colours_invert(const double m[HADA_COLOUR_MATRIX], double inverse[HADA_COLOUR_MATRIX])
 {
-    const double by = 1.0 / hada_colours_determinant(m);
+    const double by = 1.0 / determinant_of(m);
     for (int r = 0; r < HADA_COLOURS; r++)
         for (int c = 0; c < HADA_COLOURS; c++) { /* cyclic indices need no signs */
             const int r1 = (c + 1) % HADA_COLOURS, r2 = (c + 2) % HADA_COLOURS;

@@ -12,8 +12,7 @@ void hada_colours_mix(float *planes, size_t area, const double m[HADA_COLOUR_MAT
 /* The same with the inverse; nothing where the matrix is none. */
 void hada_colours_unmix(float *planes, size_t area, const double m[HADA_COLOUR_MATRIX]);
 
-double hada_colours_determinant(const double m[HADA_COLOUR_MATRIX]);
-/* Of a matrix whose determinant is not 0. */
+/* The inverse of a matrix; not finite where the matrix has none. */
 void hada_colours_invert(const double m[HADA_COLOUR_MATRIX], double inverse[HADA_COLOUR_MATRIX]);
 
 /* A matrix of zeros says that there is none. */

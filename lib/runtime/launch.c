@@ -95,10 +95,8 @@ static int is_set(const hada_context *context, const hada_kernel_object *object,
     cl_mem mem = NULL;
     if (memcmp(object->args + parameter->offset, value, parameter->size))
         return 0;
-    if (parameter->kind == HADA_KERNEL_PARAMETER_BUFFER)
-        memcpy(&mem, value, sizeof mem);
-    if (parameter->kind == HADA_KERNEL_PARAMETER_EITHER)
-        mem = ((const hada_either *)(const void *)value)->buffer;
+    if (parameter->kind == HADA_KERNEL_PARAMETER_BUFFER || parameter->kind == HADA_KERNEL_PARAMETER_EITHER)
+        memcpy(&mem, value, sizeof mem); /* an either begins with its buffer */
     return !mem || atomic_load(&context->released[place_of(mem)]) <= object->releases;
 }
 

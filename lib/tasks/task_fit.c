@@ -221,50 +221,45 @@ hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, in
     return hada_fit_sizes_from(fit, data, err);
 }
 
-/* The survey of the pairs, with frames in the scenes' colours where `m` is a matrix. */
+/* The survey of the pairs, with frames in the scenes' colours where `fit` has a matrix. */
 static hada_status survey_once(hada_survey **out, hada_context *context, const hada_dataset *data,
-                               const hada_fit_options *fit, hada_exposure exposure, const double m[HADA_COLOUR_MATRIX],
-                               hada_error *err)
+                               const hada_fit_options *fit, hada_exposure exposure, hada_error *err)
 {
     hada_dataset *pure = NULL;
     hada_status status = HADA_OK;
     hada_survey_destroy(out);
-    if (hada_colours_known(m) && fit->channels == HADA_COLOURS)
-        HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, data, m, err));
+    if (hada_colours_known(fit->colour_matrix) && fit->channels == HADA_COLOURS)
+        HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, data, fit->colour_matrix, err));
     HADA_TRY_OR_DONE(hada_survey_create(out, fit, pure ? pure : data, exposure, err));
     HADA_TRY_OR_DONE(hada_fit_confirm_survey(*out, fit, exposure, context, pure ? pure : data, err));
-    memcpy((*out)->colour_matrix, m, HADA_COLOUR_MATRIX * sizeof *m);
 done:
     hada_dataset_destroy(&pure);
     return status;
 }
 
-/* A survey, and what the sensor sees of the scenes' colours. Frames of mixed colours look as if scenes had another
- * response, or as if exposures differed, so either is found anew with what the other has become. */
+/* A survey, and what the sensor sees of the scenes' colours, for `fit`. Frames of mixed colours look as if scenes had
+ * another response, or as if exposures differed, so either is found anew with what the other has become. */
 static hada_status survey_colours(hada_survey **out, hada_context *context, const hada_dataset *data,
-                                  const hada_fit_options *given, hada_exposure exposure, hada_error *err)
+                                  hada_fit_options *fit, hada_exposure exposure, hada_error *err)
 {
     enum { ROUNDS = 4 };
-    hada_fit_options fit = *given;
+    hada_fit_options now = *fit; /* with the response that the last survey chose */
     hada_dataset *even = NULL;
-    double m[HADA_COLOUR_MATRIX];
-    int found = given->find_colours && !hada_colours_known(given->colour_matrix), exposed = 0;
+    int found = fit->find_colours && !hada_colours_known(fit->colour_matrix), exposed = 0;
     hada_status status = HADA_OK;
-    memcpy(m, given->colour_matrix, sizeof m);
     for (int round = 0; round < ROUNDS; round++) {
-        const double response = fit.scene_response;
-        HADA_TRY_OR_DONE(survey_once(out, context, data, given, exposure, m, err));
-        if (!found || (round && (*out)->response == response && !(*out)->exposed && !exposed))
+        const double response = now.scene_response;
+        HADA_TRY_OR_DONE(survey_once(out, context, data, fit, exposure, err));
+        const int same = round && (*out)->response == response && !(*out)->exposed && !exposed;
+        if (!found || same || round == ROUNDS - 1)
             break;
-        fit.scene_response = (*out)->response;
+        now.scene_response = (*out)->response;
         exposed = (*out)->exposed;
         HADA_TRY_OR_DONE(hada_survey_apply(&even, *out, data, err));
-        HADA_TRY_OR_DONE(hada_fit_find_colours(&fit, context, even, exposed, m, &found, err));
+        HADA_TRY_OR_DONE(hada_fit_find_colours(&now, context, even, exposed, fit->colour_matrix, &found, err));
         hada_dataset_destroy(&even);
         if (!found && !round)
             break;
-        if (!found)
-            memset(m, 0, sizeof m);
     }
 done:
     hada_dataset_destroy(&even);
@@ -293,7 +288,6 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context
                           "frames of one depth differ in exposure: each scene is learned as bright as its frame was "
                           "exposed");
     fit->scene_response = (*out)->response;
-    memcpy(fit->colour_matrix, (*out)->colour_matrix, sizeof fit->colour_matrix);
     if (!given)
         tell_colours(fit, monitor);
     return hada_survey_apply(even, *out, data, err);
@@ -365,13 +359,13 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err)
 {
     double found[] = {fit->scene_response, fit->boundary, fit->grid_rows, fit->grid_cols, fit->dark};
-    const hada_status status = hada_broadcast(ranks, 0, found, sizeof found, err);
+    HADA_TRY(hada_broadcast(ranks, 0, found, sizeof found, err));
     fit->scene_response = found[0];
     fit->boundary = (hada_boundary)found[1];
     fit->grid_rows = (int)found[2];
     fit->grid_cols = (int)found[3];
     fit->dark = found[4];
-    return status;
+    return hada_broadcast(ranks, 0, fit->colour_matrix, sizeof fit->colour_matrix, err);
 }
 
 static hada_status merge(learning *of, int first, hada_error *err)
@@ -562,10 +556,9 @@ static hada_status survey(learning *of, hada_context *context, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
-    const int given = hada_colours_known(fit->colour_matrix);
-    const int open =
-        fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO || (fit->find_colours && !given);
-    if (task->exposure != HADA_EXPOSURE_EACH && !given && !(fit->leave_one_out && open))
+    const int open = fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO ||
+                     (fit->find_colours && !hada_colours_known(fit->colour_matrix));
+    if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
         return HADA_OK;
     HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, context, of->data, fit, task->exposure, &of->ranks,
                              task->monitor, err));

@@ -39,8 +39,6 @@ typedef struct hada_survey {
     const double *const *gains;         /* gains[depth][pair]: the exposure of a frame over the geometric mean of its
                                            depth; NULL: all are alike */
     const hada_survey_row *const *rows; /* what was compared, ended by NULL; later versions may add members to a row */
-    double colour_matrix[9];            /* as hada_fit_options.colour_matrix: what hada_fit_run() found; all 0 where it
-                                           found none, and by hada_survey_create() */
 } hada_survey;
 
 /* Looks at up to 18 pairs of three depths; where exposures differ, at all pairs once more. `options`: sizes, channels,

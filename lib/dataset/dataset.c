@@ -241,6 +241,7 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     set->filled = from->filled;
     set->mended = from->mended;
     memcpy(set->unmix, from->unmix, sizeof set->unmix);
+    set->encoding = from->encoding;
     set->darkened = from->darkened;
     if (!from->number)
         return HADA_OK;
@@ -369,6 +370,13 @@ hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, con
 {
     HADA_TRY(whole_part(out, from, err));
     hada_colours_invert(m, (*out)->unmix);
+    return HADA_OK;
+}
+
+hada_status hada_dataset_decode(hada_dataset **out, const hada_dataset *from, double encoding, hada_error *err)
+{
+    HADA_TRY(whole_part(out, from, err));
+    (*out)->encoding = encoding;
     return HADA_OK;
 }
 
@@ -676,11 +684,6 @@ void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, voi
     store->placement = placement;
 }
 
-static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
-{
-    return hada_image_crop(out, image, 0, 0, image->rows, image->cols, err);
-}
-
 void hada_scene_brighten(hada_image *scene, double gain, double response)
 {
     const size_t count = scene->data ? hada_image_count(scene) : 0;
@@ -688,6 +691,21 @@ void hada_scene_brighten(hada_image *scene, double gain, double response)
     for (size_t i = 0; i < count; i++)
         scene->data[i] *= (float)gain;
     hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
+}
+
+static void decode(hada_image *raw, double encoding)
+{
+    if (encoding != 0.0)
+        hada_response_convert(raw->data, hada_image_count(raw), encoding, HADA_RESPONSE_LINEAR);
+}
+
+/* The raw frame as the pair's own image, which may be changed. */
+static hada_status own_raw(hada_pair *pair, hada_error *err)
+{
+    if (!pair->own.raw.data)
+        HADA_TRY(hada_image_copy(&pair->own.raw, pair->raw, err));
+    pair->raw = &pair->own.raw;
+    return HADA_OK;
 }
 
 /* What this part alone mends, in the pair's own image. A pair of another size is refused by who takes it, and so is one
@@ -699,9 +717,7 @@ static hada_status mend(hada_pair *pair, const hada_dataset *dataset, hada_error
     const int darkens = is_of(dataset->darkened, pair->raw, mosaic);
     if (!repairs && !darkens)
         return HADA_OK;
-    if (!pair->own.raw.data)
-        HADA_TRY(copy(&pair->own.raw, pair->raw, err));
-    pair->raw = &pair->own.raw;
+    HADA_TRY(own_raw(pair, err));
     if (darkens)
         hada_dark_subtract(&pair->own.raw, mosaic, dataset->darkened);
     return repairs ? hada_flat_repair(&pair->own.raw, mosaic, dataset->mended, err) : HADA_OK;
@@ -751,20 +767,22 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         pair->scene = &found->scene;
     }
     replace_scene(pair, dataset->filled, index);
+    if (dataset->encoding != 0.0) {
+        HADA_TRY_OR_DONE(own_raw(pair, err));
+        decode(&pair->own.raw, dataset->encoding);
+    }
     HADA_TRY_OR_DONE(mend(pair, dataset, err));
     if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
         hada_pair_name(dataset, depth, number, err);
         goto done;
     }
     if (hada_colours_known(dataset->unmix) && pair->raw->channels == HADA_COLOURS) {
-        if (!pair->own.raw.data)
-            HADA_TRY_OR_DONE(copy(&pair->own.raw, pair->raw, err));
+        HADA_TRY_OR_DONE(own_raw(pair, err));
         hada_colours_mix(pair->own.raw.data, hada_image_count(pair->raw) / HADA_COLOURS, dataset->unmix);
-        pair->raw = &pair->own.raw;
     }
     if (gain != 1.0) {
         if (!pair->own.scene.data)
-            HADA_TRY_OR_DONE(copy(&pair->own.scene, pair->scene, err));
+            HADA_TRY_OR_DONE(hada_image_copy(&pair->own.scene, pair->scene, err));
         hada_scene_brighten(&pair->own.scene, gain, dataset->response);
         pair->scene = &pair->own.scene;
     }
@@ -784,16 +802,21 @@ hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair,
     hada_pair_store *store = dataset->store;
     const int number = number_of(dataset, depth, pair);
     hada_image scene = {0};
+    hada_status status = HADA_OK;
     *image = (hada_image){0};
-    if (store->raws)
-        return copy(image, &store->raws[hada_pair_number(dataset, depth, pair)], err);
-    if (!store->read)
-        return hada_tiff_load_light(store->depth[depth].files[number].raw, 0, store->frame_encoding, image, err);
-    pthread_mutex_lock(&store->reading);
-    const hada_status status = store->read(store->user, depth, number, image, &scene, err);
-    pthread_mutex_unlock(&store->reading);
-    hada_image_destroy(&scene);
-    return status;
+    if (store->raws) {
+        status = hada_image_copy(image, &store->raws[hada_pair_number(dataset, depth, pair)], err);
+    } else if (store->read) {
+        pthread_mutex_lock(&store->reading);
+        status = store->read(store->user, depth, number, image, &scene, err);
+        pthread_mutex_unlock(&store->reading);
+        hada_image_destroy(&scene);
+    } else {
+        status = hada_tiff_load_light(store->depth[depth].files[number].raw, 0, store->frame_encoding, image, err);
+    }
+    HADA_TRY(status);
+    decode(image, dataset->encoding);
+    return HADA_OK;
 }
 
 void hada_pair_return(hada_pair *pair)
@@ -819,10 +842,9 @@ hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, 
     if (!dataset || depth < 0 || depth >= dataset->info.depths || pair < 0 || pair >= dataset->counts[depth])
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the data set has no pair %d of depth %d", pair, depth);
     HADA_TRY_OR_DONE(take(&taken, dataset, depth, pair, 0, err));
-    if (!taken.own.raw.data)
-        HADA_TRY_OR_DONE(copy(&taken.own.raw, taken.raw, err));
+    HADA_TRY_OR_DONE(own_raw(&taken, err));
     if (!taken.own.scene.data)
-        HADA_TRY_OR_DONE(copy(&taken.own.scene, taken.scene, err));
+        HADA_TRY_OR_DONE(hada_image_copy(&taken.own.scene, taken.scene, err));
     *raw = taken.own.raw;
     *scene = taken.own.scene;
     taken.own = (hada_pair_images){0};

@@ -99,6 +99,7 @@ struct hada_dataset {
     double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
     double response;                  /* in which scenes are encoded, where there are gains */
     double unmix[HADA_COLOUR_MATRIX]; /* by which frames are multiplied; all 0: by nothing */
+    double encoding;                  /* of the store's frames, which are made linear; 0: they are */
 };
 
 /* A store that is empty but for its options. `callers` may be NULL. */
@@ -133,6 +134,9 @@ hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, 
 /* The same pairs, with raw frames of three channels that were m, [channel][colour], times what these are now. */
 hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, const double m[HADA_COLOUR_MATRIX],
                                hada_error *err);
+
+/* The same pairs, whose raw frames stand for light in this way (hadalens/response.h) and are made linear. */
+hada_status hada_dataset_decode(hada_dataset **out, const hada_dataset *from, double encoding, hada_error *err);
 
 /* Makes a scene so many times as bright in linear light, in its own encoding. */
 void hada_scene_brighten(hada_image *scene, double gain, double response);

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "core/callers.h"
+#include "core/numbers.h"
 #include "focus/focus.h"
 
 static const char what[] = "the emitters of a frame";
@@ -234,35 +235,6 @@ static void linearise(const search *s, spot *one, double *gradient)
     }
 }
 
-/* Cholesky's factor of a symmetric matrix of n rows, in place, its lower part; 0 where it is not positive. */
-static int factor(double *m, int n)
-{
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            double sum = m[i * n + j];
-            for (int k = 0; k < j; k++)
-                sum -= m[i * n + k] * m[j * n + k];
-            if (i == j && !(sum > 0.0))
-                return 0;
-            m[i * n + j] = i == j ? sqrt(sum) : sum / m[j * n + j];
-        }
-    return 1;
-}
-
-static void substitute(const double *m, int n, double *x)
-{
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++)
-            x[i] -= m[i * n + k] * x[k];
-        x[i] /= m[i * n + i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            x[i] -= m[k * n + i] * x[k];
-        x[i] /= m[i * n + i];
-    }
-}
-
 /* A diagonal that keeps what the frame says nothing of where it is: the depth of a camera of one, say. */
 static double stiffness(const spot *one, int unknown, double damping)
 {
@@ -313,8 +285,8 @@ static void precondition(const search *s, const double *in, double damping, doub
             x[k] = in[(size_t)i * UNKNOWNS + (size_t)k];
             m[k * UNKNOWNS + k] += stiffness(one, k, damping) + 1e-9 * one->block[k][k];
         }
-        if (factor(m, UNKNOWNS))
-            substitute(m, UNKNOWNS, x);
+        if (hada_cholesky_factor(m, UNKNOWNS))
+            hada_cholesky_solve(m, UNKNOWNS, x);
         else
             memset(x, 0, UNKNOWNS * sizeof *x);
     }
@@ -521,12 +493,12 @@ static void deviate(const search *s, int which)
     }
     for (int i = 0; i < n; i++)
         m[i * n + i] = m[i * n + i] > 0.0 ? (1.0 + 1e-9) * m[i * n + i] : 1.0;
-    const int known = factor(m, n);
+    const int known = hada_cholesky_factor(m, n);
     for (int k = 0; k < UNKNOWNS; k++) {
         double unit[MOST] = {0};
         unit[k] = 1.0;
         if (known)
-            substitute(m, n, unit);
+            hada_cholesky_solve(m, n, unit);
         own->sd[k] = known ? own->noise * sqrt(fmax(unit[k], 0.0)) : INFINITY;
     }
     if (s->optics->depths == 1)
@@ -664,9 +636,9 @@ static double stands_out(const search *s, const spot *beside, const hada_point *
     memcpy(m, beside->block, sizeof m);
     for (int k = 0; k < UNKNOWNS; k++)
         m[k * UNKNOWNS + k] += stiffness(beside, k, 1e-6);
-    if (!factor(m, UNKNOWNS))
+    if (!hada_cholesky_factor(m, UNKNOWNS))
         return 0.0;
-    substitute(m, UNKNOWNS, explained);
+    hada_cholesky_solve(m, UNKNOWNS, explained);
     const double own = squares - product(shared, explained, UNKNOWNS);
     if (!(own > LEAST_OWN * squares))
         return 0.0;

@@ -2,7 +2,7 @@
 #include "engine/frame.h"
 
 #include "core/clock.h"
-#include "core/finite.h"
+#include "core/numbers.h"
 
 enum { STRETCH = 1024 /* pixels that are compared at a time: most comparisons end with the first */ };
 

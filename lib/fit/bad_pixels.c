@@ -1,5 +1,5 @@
 /* Pixels of the sensor that do not see what those around them see: hot, dead and stuck ones. */
-#include "core/finite.h"
+#include "core/numbers.h"
 #include "dataset/dataset.h"
 #include "fit/fitter.h"
 #include "image/correct.h"

@@ -304,45 +304,100 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
     return HADA_OK;
 }
 
-/* Decodes frames. Returns their energy. */
-static double decode(hada_image *frames, int count, double encoding)
+/* A few pairs of a depth, whose frames are linear or encoded. */
+typedef struct coding {
+    hada_fit_options options; /* of that depth */
+    hada_context *context;
+    int count;
+    hada_image frame[HADA_LOOK_MOST], scene[HADA_LOOK_MOST];
+} coding;
+
+/* What is left of held-out frames, over their variance. */
+static hada_status share_left(const coding *of, const hada_fit_options *fit, const hada_dataset *few, double *share,
+                              hada_error *err)
 {
-    double energy = 0.0;
-    for (int i = 0; i < count; i++) {
-        hada_response_convert(frames[i].data, hada_image_count(&frames[i]), encoding, HADA_RESPONSE_LINEAR);
-        for (size_t k = 0; k < hada_image_count(&frames[i]); k++)
-            energy += (double)frames[i].data[k] * (double)frames[i].data[k];
+    double left = 0.0, variance = 0.0;
+    HADA_TRY(left_of(fit, of->context, few, &left, err));
+    for (int i = 0; i < of->count; i++) {
+        const size_t count = hada_image_count(&of->frame[i]);
+        double sum = 0.0, squares = 0.0;
+        for (size_t k = 0; k < count; k++) {
+            sum += (double)of->frame[i].data[k];
+            squares += (double)of->frame[i].data[k] * (double)of->frame[i].data[k];
+        }
+        variance += squares - sum * sum / (double)count;
     }
-    return energy;
+    *share = left / variance;
+    return HADA_OK;
+}
+
+/* The least share, as frames are or without what all hold beside the scenes' light, which encodings make more or less
+ * of. */
+static hada_status least_share(const coding *of, int dark, double *share, hada_error *err)
+{
+    hada_fit_options fit = of->options;
+    hada_dataset *few = NULL, *above = NULL;
+    hada_image surface = {0};
+    double other = INFINITY;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_dataset_from_images(&few, 1, fit.distances_mm, &of->count, of->frame, of->scene, err));
+    HADA_TRY_OR_DONE(share_left(of, &fit, few, share, err));
+    if (!dark)
+        goto done;
+    HADA_TRY_OR_DONE(hada_fit_find_dark(&fit, few, &surface, err));
+    if (fit.dark > 0.0)
+        HADA_TRY_OR_DONE(share_left(of, &fit, few, &other, err));
+    *share = fmin(*share, other);
+    if (!surface.data)
+        goto done;
+    fit.dark = 0.0;
+    HADA_TRY_OR_DONE(hada_dataset_mend(&above, few, NULL, &surface, err));
+    HADA_TRY_OR_DONE(share_left(of, &fit, above, &other, err));
+    *share = fmin(*share, other);
+done:
+    hada_dataset_destroy(&above);
+    hada_dataset_destroy(&few);
+    hada_image_destroy(&surface);
+    return status;
+}
+
+/* Of frames as they are, and decoded. dark: whether light that all hold is looked for. */
+static hada_status compare(coding *of, double encoding, int dark, int *seem, hada_error *err)
+{
+    double share[2];
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < of->count && k; i++)
+            hada_response_convert(of->frame[i].data, hada_image_count(&of->frame[i]), encoding, HADA_RESPONSE_LINEAR);
+        HADA_TRY(least_share(of, dark, &share[k], err));
+    }
+    *seem = share[1] < ENCODED * share[0];
+    return HADA_OK;
 }
 
 hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                   double encoding, int *seem, hada_error *err)
 {
-    hada_fit_options options = *fit;
-    hada_image frames[HADA_LOOK_MOST] = {{0}}, scenes[HADA_LOOK_MOST] = {{0}};
-    hada_dataset *few = NULL;
-    double left[2] = {0.0}, energy[2] = {1.0, 1.0};
+    coding of = {.options = *fit, .context = context};
     const int depth = hada_look_depth(fit, pairs);
-    const int count = depth < fit->depths ? hada_least(hada_dataset_get_info(pairs)->counts[depth], HADA_LOOK_MOST) : 0;
     hada_status status = HADA_OK;
     *seem = 0;
-    options.depths = 1;
-    options.distances_mm = fit->distances_mm + depth;
-    for (int i = 0; i < count; i++)
-        HADA_TRY_OR_DONE(hada_dataset_read(pairs, depth, i, &frames[i], &scenes[i], err));
-    for (int k = 0; k < 2 && count; k++) {
-        energy[k] = decode(frames, count, k ? encoding : HADA_RESPONSE_LINEAR);
-        HADA_TRY_OR_DONE(hada_dataset_from_images(&few, 1, options.distances_mm, &count, frames, scenes, err));
-        HADA_TRY_OR_DONE(left_of(&options, context, few, &left[k], err));
-        hada_dataset_destroy(&few);
+    if (depth == fit->depths)
+        return HADA_OK;
+    of.options.depths = 1;
+    of.options.distances_mm = fit->distances_mm + depth;
+    of.count = hada_least(hada_dataset_get_info(pairs)->counts[depth], HADA_LOOK_MOST);
+    for (int dark = 0; dark < 2 && (!dark || *seem); dark++) {
+        for (int i = 0; i < of.count; i++) {
+            hada_image_destroy(&of.frame[i]);
+            hada_image_destroy(&of.scene[i]);
+            HADA_TRY_OR_DONE(hada_dataset_read(pairs, depth, i, &of.frame[i], &of.scene[i], err));
+        }
+        HADA_TRY_OR_DONE(compare(&of, encoding, dark, seem, err));
     }
-    *seem = count && left[1] / energy[1] < ENCODED * left[0] / energy[0];
 done:
-    hada_dataset_destroy(&few);
-    for (int i = 0; i < count; i++) {
-        hada_image_destroy(&frames[i]);
-        hada_image_destroy(&scenes[i]);
+    for (int i = 0; i < of.count; i++) {
+        hada_image_destroy(&of.frame[i]);
+        hada_image_destroy(&of.scene[i]);
     }
     return status;
 }

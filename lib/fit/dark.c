@@ -2,6 +2,7 @@
 #include <float.h>
 #include <hadalens/response.h>
 
+#include "core/numbers.h"
 #include "fit/fitter.h"
 #include "fit/sample.h"
 #include "image/correct.h"
@@ -147,23 +148,6 @@ static hada_status leave(hada_sample *work, int k, int response, float *to, hada
     return HADA_OK;
 }
 
-/* Solves a x = b, a symmetric and positive, by Cholesky's method; b becomes x. */
-static void solve(double a[TERMS][TERMS], double *b)
-{
-    for (int i = 0; i < TERMS; i++)
-        for (int k = 0; k <= i; k++) {
-            for (int n = 0; n < k; n++)
-                a[i][k] -= a[i][n] * a[k][n];
-            a[i][k] = i == k ? sqrt(fmax(a[i][i], DBL_MIN)) : a[i][k] / a[k][k];
-        }
-    for (int i = 0; i < TERMS; b[i] /= a[i][i], i++)
-        for (int n = 0; n < i; n++)
-            b[i] -= a[i][n] * b[n];
-    for (int i = TERMS - 1; i >= 0; b[i] /= a[i][i], i--)
-        for (int n = i + 1; n < TERMS; n++)
-            b[i] -= a[n][i] * b[n];
-}
-
 /* The weights of a channel: what is left of a pair is linear in them, so they follow from least squares, each pair by
  * its energy. Adds what is left. */
 static void fit_channel(const hada_sample *work, int channel, surface *to)
@@ -183,7 +167,10 @@ static void fit_channel(const hada_sample *work, int channel, surface *to)
         }
         a[k][k] *= 1.0 + SOLVABLE;
     }
-    solve(a, weight);
+    if (hada_cholesky_factor(a[0], TERMS))
+        hada_cholesky_solve(a[0], TERMS, weight);
+    else /* frames of nothing */
+        memset(weight, 0, TERMS * sizeof *weight);
     for (int i = 0; i < work->count; i++) {
         float *at = residual + (size_t)i * values;
         for (int k = 0; k < TERMS; k++)

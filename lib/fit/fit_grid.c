@@ -34,6 +34,8 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
                               .scene_response = options->scene_response == HADA_AUTO ? HADA_RESPONSE_LINEAR
                                                                                      : options->scene_response};
     memcpy(info->colour_matrix, options->colour_matrix, sizeof info->colour_matrix);
+    if (options->frame_encoding != HADA_AUTO && options->frame_encoding != HADA_RESPONSE_LINEAR)
+        info->frame_encoding = options->frame_encoding;
     HADA_TRY(hada_model_set_sizes(info, options->raw_rows, options->raw_cols, options->window_rows,
                                   options->window_cols, err));
     if (options->boundary == HADA_BOUNDARY_PADDED && options->grid_rows && options->grid_cols) {

@@ -367,6 +367,8 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
         return damaged(path, err);
     if (!hada_colours_known(options->colour_matrix))
         memcpy(options->colour_matrix, of.colour_matrix, sizeof of.colour_matrix);
+    if (options->frame_encoding == HADA_AUTO)
+        options->frame_encoding = of.frame_encoding == 0.0 ? HADA_RESPONSE_LINEAR : of.frame_encoding;
     options->mosaic = of.mosaic;
     options->sensor_mosaic = of.sensor_mosaic;
     options->downsample = of.downsample;

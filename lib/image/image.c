@@ -3,7 +3,7 @@
 #include <hadalens/scene.h>
 
 #include "core/base.h"
-#include "core/finite.h"
+#include "core/numbers.h"
 #include "image/pixels.h"
 
 hada_status hada_image_create(hada_image *image, int channels, int rows, int cols, hada_error *err)

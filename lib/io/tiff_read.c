@@ -549,6 +549,12 @@ done:
     return mixed ? read_frame(reader, index, 0, frame, err) : status;
 }
 
+void hada_tiff_presume(hada_tiff_reader *reader, double encoding)
+{
+    if (reader->info.encoding == 0.0 && !reader->info.is_float)
+        reader->info.encoding = encoding;
+}
+
 /* 1: it is linear, or nothing is said. */
 static int is_linear(const hada_tiff_reader *reader, double *encoding)
 {

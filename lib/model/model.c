@@ -139,6 +139,9 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (info->scene_response != 0.0 && !hada_response_is_known(info->scene_response)) /* 0: not set, linear */
         return hada_fail(err, HADA_ERROR_MODEL, "the response of the model's scenes, %g, is none (hadalens/response.h)",
                          info->scene_response);
+    if (info->frame_encoding != 0.0 && !hada_response_is_known(info->frame_encoding))
+        return hada_fail(err, HADA_ERROR_MODEL, "the encoding of the model's frames, %g, is none (hadalens/response.h)",
+                         info->frame_encoding);
     if (hada_colours_known(info->colour_matrix) &&
         (info->channels != HADA_COLOURS || info->mosaic != HADA_MOSAIC_NONE ||
          !hada_colours_usable(info->colour_matrix)))

@@ -4,7 +4,7 @@
 #include <limits.h>
 
 #include "core/base.h"
-#include "core/finite.h"
+#include "core/numbers.h"
 #include "io/safetensors.h"
 #include "io/text.h"
 #include "model/model.h"
@@ -136,8 +136,9 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
 #define LOST            "component_lost"
 #define LOST_SINGLE     "component_lost_single"
 #define RESPONSE        "scene_response"
-#define COLOUR_MATRIX   "colour_matrix" /* models whose sensor has the colours of the scenes lack it */
-#define MOSAIC          "mosaic"        /* models of frames in full colour lack it */
+#define FRAME_ENCODING  "frame_encoding" /* models of linear frames lack it */
+#define COLOUR_MATRIX   "colour_matrix"  /* models whose sensor has the colours of the scenes lack it */
+#define MOSAIC          "mosaic"         /* models of frames in full colour lack it */
 #define SENSOR_MOSAIC   "sensor_mosaic"
 #define DOWNSAMPLE      "downsample" /* models of frames that are not binned lack these */
 #define MOST_STEPS      100000       /* of refinement: more is a damaged number */
@@ -210,8 +211,20 @@ static int get_colours(const hada_tensors *file, double m[HADA_COLOUR_MATRIX])
     return !text || !*text;
 }
 
+/* 0 where it is not said. */
+static int get_response(const hada_tensors *file, const char *key, double *response)
+{
+    const char *name = hada_tensors_meta(file, key);
+    *response = 0.0;
+    return !name || (!hada_response_from_name(response, name, NULL) && hada_response_is_known(*response));
+}
+
 hada_status hada_model_put_frames(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
 {
+    char encoding[HADA_RESPONSE_NAME];
+    hada_response_name(encoding, info->frame_encoding);
+    if (info->frame_encoding != 0.0)
+        HADA_TRY(hada_tensors_put_meta(writer, FRAME_ENCODING, encoding, err));
     HADA_TRY(put_colours(writer, info->colour_matrix, err));
     HADA_TRY(put_mosaic(writer, MOSAIC, info->mosaic, err));
     HADA_TRY(put_mosaic(writer, SENSOR_MOSAIC, info->sensor_mosaic, err));
@@ -222,6 +235,8 @@ const char *hada_model_get_frames(const hada_tensors *file, hada_model_info *inf
 {
     const char *text = hada_tensors_meta(file, DOWNSAMPLE), *end = text;
     const double downsample = text ? hada_text_number(text, &end) : 1.0;
+    if (!get_response(file, FRAME_ENCODING, &info->frame_encoding))
+        return FRAME_ENCODING;
     if (!get_colours(file, info->colour_matrix))
         return COLOUR_MATRIX;
     if (!get_mosaic(file, MOSAIC, &info->mosaic))
@@ -478,10 +493,7 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
         HADA_TRY(get_number(file, path, "refine_shrink", &shrink, err));
         info->refine_ridge = shrink > 0.0 ? 1.0 : 0.0;
     }
-    const char *response = hada_tensors_meta(file, RESPONSE); /* older models lack it */
-    info->scene_response = HADA_RESPONSE_LINEAR;
-    if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||
-                     !hada_response_is_known(info->scene_response)))
+    if (!get_response(file, RESPONSE, &info->scene_response)) /* older models lack it: linear */
         HADA_TRY(missing(path, RESPONSE, err));
     const char *wrong = hada_model_get_frames(file, info);
     if (wrong)

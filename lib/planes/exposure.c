@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/base.h"
-#include "core/finite.h"
+#include "core/numbers.h"
 #include "image/pixels.h"
 #include "image/statistics.h"
 #include "planes/maker.h"

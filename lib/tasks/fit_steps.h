@@ -14,13 +14,20 @@ hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, in
 
 /* What the sensor adds to frames: pairs without it, and what they lack; all NULL and empty where it is nothing. */
 typedef struct hada_mended {
+    hada_dataset *linear;        /* decoded */
     hada_dataset *sound, *above; /* without bad pixels; and without light that is in all frames */
     hada_image flat, dark;       /* of these */
 } hada_mended;
 void hada_mended_free(hada_mended *mended);
 
-/* Finds bad pixels, and where `fit` asks for it the dark level or (`surfaces`) light that is in all frames, with notes.
- * *data: the pairs without these. */
+/* Decodes frames of files that say nothing of their values, as `fit` says (frame_encoding); HADA_AUTO: where they are
+ * explained far better so, with a note, and `fit` has what was found. *data: the pairs with linear frames. *encoded: 1
+ * where they seem to be encoded and stay so. */
+hada_status hada_fit_decode(hada_mended *mended, const hada_dataset **data, hada_context *context,
+                            hada_fit_options *fit, const hada_communicator *ranks, int *encoded, hada_error *err);
+
+/* The same, and finds bad pixels, and where `fit` asks for it the dark level or (`surfaces`) light that is in all
+ * frames, with notes. *data: the pairs without these. */
 hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
                           const hada_communicator *ranks, int surfaces, hada_error *err);
 

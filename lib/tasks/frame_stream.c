@@ -61,13 +61,20 @@ hada_status hada_frames_check(const hada_plan *plan, const hada_model *model, co
     return hada_frame_check_size(known, &config->kind, info->channels, info->rows, info->cols, err);
 }
 
+hada_status hada_frames_open(hada_tiff_reader **reader, const char *path, const hada_plan *plan,
+                             const hada_model *model, hada_error *err)
+{
+    HADA_TRY(hada_tiff_open(reader, path, err));
+    hada_tiff_presume(*reader, hada_model_get_info(model)->frame_encoding);
+    return hada_frames_check(plan, model, hada_tiff_get_info(*reader), err);
+}
+
 static hada_status open_file(hada_stream *stream, hada_error *err)
 {
     const char *path = stream->paths[stream->file];
     if (hada_path_is_folder(path))
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
-    HADA_TRY(hada_tiff_open(&stream->reader, path, err));
-    return hada_frames_check(stream->plan, stream->model, hada_tiff_get_info(stream->reader), err);
+    return hada_frames_open(&stream->reader, path, stream->plan, stream->model, err);
 }
 
 void hada_tell_values(const hada_monitor *monitor, const char *path, const hada_tiff_reader *reader, double encoding,

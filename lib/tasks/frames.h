@@ -45,6 +45,10 @@ typedef struct hada_stream {
 hada_status hada_frames_check(const hada_plan *plan, const hada_model *model, const hada_tiff_info *info,
                               hada_error *err);
 
+/* Opens a file of such frames, which stand for light as those that the model was learned from where it says nothing. */
+hada_status hada_frames_open(hada_tiff_reader **reader, const char *path, const hada_plan *plan,
+                             const hada_model *model, hada_error *err);
+
 /* Says that values are encoded for displays, or that their steps are coarser than the noise. */
 void hada_tell_values(const hada_monitor *monitor, const char *path, const hada_tiff_reader *reader, double encoding,
                       const hada_pixels *frame);

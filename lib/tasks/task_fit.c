@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "core/callers.h"
-#include "core/finite.h"
+#include "core/numbers.h"
 #include "dataset/dataset.h"
 #include "fit/fit_sums.h"
 #include "fit/fitter.h"
@@ -297,6 +297,7 @@ void hada_mended_free(hada_mended *mended)
 {
     hada_dataset_destroy(&mended->above);
     hada_dataset_destroy(&mended->sound);
+    hada_dataset_destroy(&mended->linear);
     hada_image_destroy(&mended->flat);
     hada_image_destroy(&mended->dark);
 }
@@ -324,10 +325,70 @@ static hada_status darken(hada_mended *mended, const hada_dataset **data, hada_c
     return HADA_OK;
 }
 
+/* Whether they seem to be encoded for displays, and can be decoded: nothing was given for them as they are. */
+static hada_status seem_encoded(const hada_dataset *data, hada_context *context, const hada_fit_options *fit,
+                                const hada_communicator *ranks, int *encoded, int *decodes, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(data);
+    HADA_TRY(hada_fit_seem_encoded(fit, context, data, HADA_RESPONSE_SRGB, encoded, err));
+    HADA_TRY(hada_broadcast(ranks, 0, encoded, sizeof *encoded, err));
+    *decodes = *encoded && !info->flat && !info->dark_frame && info->downsample < 2 && !(fit->dark > 0.0);
+    if (*decodes)
+        hada_monitor_tell(
+            fit->monitor, HADA_MESSAGE_NOTE,
+            "raw frames are encoded for displays: taken for sRGB, they are explained far better. They are "
+            "decoded, as new frames will be whose files say nothing else (options.frame_encoding)");
+    else if (*encoded)
+        hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
+                          "raw frames seem to be encoded for displays: taken for sRGB, they are explained far better; "
+                          "say so (options.frame_encoding), with a dark level, dark and flat frames in linear light");
+    return HADA_OK;
+}
+
+hada_status hada_fit_decode(hada_mended *mended, const hada_dataset **data, hada_context *context,
+                            hada_fit_options *fit, const hada_communicator *ranks, int *encoded, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(*data);
+    const double encoding = (*data)->store->frame_encoding;
+    hada_tiff_reader *reader = NULL;
+    hada_pixels frame = {0};
+    int z = 0, decodes;
+    hada_status status = HADA_OK;
+    *encoded = 0;
+    if (fit->frame_encoding == HADA_AUTO)
+        fit->frame_encoding = encoding;
+    while (z < info->depths && !info->counts[z])
+        z++;
+    if (!info->has_files || z == info->depths || (fit->frame_encoding == HADA_AUTO && !fit->leave_one_out))
+        return HADA_OK;
+    const char *path = info->files[z][0].raw;
+    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
+    HADA_TRY_OR_DONE(hada_tiff_read_stored(reader, 0, encoding, &frame, err));
+    hada_tell_values(fit->monitor, path, reader, encoding, &frame);
+    const hada_tiff_info *file = hada_tiff_get_info(reader);
+    if (encoding != HADA_AUTO || file->encoding != 0.0 || file->is_float)
+        goto done;
+    decodes = fit->frame_encoding != HADA_AUTO && fit->frame_encoding != HADA_RESPONSE_LINEAR;
+    if (fit->frame_encoding == HADA_AUTO)
+        HADA_TRY_OR_DONE(seem_encoded(*data, context, fit, ranks, encoded, &decodes, err));
+    if (!decodes)
+        goto done;
+    fit->frame_encoding = fit->frame_encoding == HADA_AUTO ? HADA_RESPONSE_SRGB : fit->frame_encoding;
+    HADA_TRY_OR_DONE(hada_dataset_decode(&mended->linear, *data, fit->frame_encoding, err));
+    *data = mended->linear;
+    *encoded = 0;
+done:
+    free((void *)frame.data);
+    hada_tiff_close(&reader);
+    return status;
+}
+
 hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
                           const hada_communicator *ranks, int surfaces, hada_error *err)
 {
     size_t found = 0;
+    int encoded;
+    HADA_TRY(hada_fit_decode(mended, data, context, fit, ranks, &encoded, err));
     HADA_TRY(hada_fit_find_bad_pixels(fit, *data, &mended->flat, &found, err));
     if (found) {
         hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
@@ -337,7 +398,7 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
         HADA_TRY(hada_dataset_mend(&mended->sound, *data, &mended->flat, NULL, err));
         *data = mended->sound;
     }
-    HADA_TRY(hada_fit_find_dark(fit, *data, surfaces ? &mended->dark : NULL, err));
+    HADA_TRY(hada_fit_find_dark(fit, *data, surfaces && !encoded ? &mended->dark : NULL, err));
     return mended->dark.data ? darken(mended, data, context, fit, ranks, err) : HADA_OK;
 }
 
@@ -508,6 +569,8 @@ static hada_status look_at_sums(learning *of, hada_error *err)
         fit->scene_response = sums.scene_response;
     if (fit->find_dark && fit->dark == 0.0)
         fit->dark = sums.dark;
+    if (fit->frame_encoding == HADA_AUTO)
+        fit->frame_encoding = sums.frame_encoding;
     if (!hada_colours_known(fit->colour_matrix))
         memcpy(fit->colour_matrix, sums.colour_matrix, sizeof sums.colour_matrix);
     fit->find_dark = fit->find_colours = 0;
@@ -517,38 +580,6 @@ static hada_status look_at_sums(learning *of, hada_error *err)
     fit->grid_rows = sums.grid_rows;
     fit->grid_cols = sums.grid_cols;
     return HADA_OK;
-}
-
-/* What the values of the frames' files are, and whether they seem to be something else. */
-static hada_status tell_frames(const learning *of, hada_context *context, int *encoded, hada_error *err)
-{
-    const hada_dataset_info *info = hada_dataset_get_info(of->data);
-    const double encoding = of->data->store->frame_encoding;
-    hada_tiff_reader *reader = NULL;
-    hada_pixels frame = {0};
-    int z = 0;
-    hada_status status = HADA_OK;
-    while (z < info->depths && !info->counts[z])
-        z++;
-    if (!info->has_files || z == info->depths)
-        return HADA_OK;
-    const char *path = info->files[z][0].raw;
-    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
-    HADA_TRY_OR_DONE(hada_tiff_read_stored(reader, 0, encoding, &frame, err));
-    hada_tell_values(of->task.monitor, path, reader, encoding, &frame);
-    const hada_tiff_info *file = hada_tiff_get_info(reader);
-    const double way = encoding == HADA_AUTO ? file->encoding : encoding;
-    if (file->bits > 8 || (way != 0.0 && way != HADA_RESPONSE_LINEAR))
-        goto done;
-    HADA_TRY_OR_DONE(hada_fit_seem_encoded(&of->fit, context, of->data, HADA_RESPONSE_SRGB, encoded, err));
-    if (*encoded)
-        hada_monitor_tell(of->task.monitor, HADA_MESSAGE_NOTE,
-                          "raw frames seem to be encoded for displays: taken for sRGB, they are explained far better; "
-                          "say so (options.frame_encoding), here and for frames to reconstruct");
-done:
-    free((void *)frame.data);
-    hada_tiff_close(&reader);
-    return status;
 }
 
 /* The response of the scenes and exposures, where they are to be found, before any pair is added. */
@@ -590,14 +621,11 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
 {
     const hada_fit_task *task = &of->task;
     const hada_monitor *monitor = task->monitor;
-    int encoded = 0;
     tell_data(of);
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(hada_fit_check_content(of->data, err));
-    if (of->fit.leave_one_out)
-        HADA_TRY(tell_frames(of, context, &encoded, err));
     HADA_TRY(look_at_sums(of, err));
-    HADA_TRY(hada_fit_mend(&of->mended, &of->data, context, &of->fit, &of->ranks, !task->save_sums && !encoded, err));
+    HADA_TRY(hada_fit_mend(&of->mended, &of->data, context, &of->fit, &of->ranks, !task->save_sums, err));
     HADA_TRY(leave_out(of, context, err));
     HADA_TRY(survey(of, context, err));
     if (!task->merge_count)

@@ -320,6 +320,7 @@ typedef struct run {
     hada_live_folder folder;
     hada_tiff_info kind; /* of the frames of a pipe */
     void *samples;       /* of one of them */
+    hada_image light;    /* the same in linear light, where they are encoded */
     hada_display display;
     hada_outputs out; /* of the file at hand */
     hada_emitters *emitters;
@@ -421,12 +422,6 @@ static hada_status after(run *own, const char *name, hada_status status, double 
     return show(own, err);
 }
 
-static hada_status open_file(const run *own, const char *path, hada_tiff_reader **reader, hada_error *err)
-{
-    HADA_TRY(hada_tiff_open(reader, path, err));
-    return hada_frames_check(own->plan, own->model, hada_tiff_get_info(*reader), err);
-}
-
 static hada_status do_stored(run *own, hada_tiff_reader *reader, const char *name, int index, hada_error *err)
 {
     hada_pixels raw = {0};
@@ -442,7 +437,7 @@ static hada_status do_file(run *own, const char *path, const char *name, hada_er
 {
     hada_tiff_reader *reader = NULL;
     hada_error error = {0};
-    hada_status status = open_file(own, path, &reader, &error), ends = HADA_OK;
+    hada_status status = hada_frames_open(&reader, path, own->plan, own->model, &error), ends = HADA_OK;
     const int frames = status ? 1 : hada_tiff_get_info(reader)->frames;
     for (int i = 0; i < frames && !ends && !stops(own); i++) {
         const double began = hada_seconds();
@@ -473,6 +468,21 @@ static hada_status take_file(run *own, int *came, hada_error *err)
     return status;
 }
 
+/* A frame of a pipe, which says nothing of its values, in linear light. */
+static hada_status decode(run *own, hada_pixels *raw, hada_error *err)
+{
+    const double known = hada_model_get_info(own->model)->frame_encoding;
+    const double encoding = own->task.frame_encoding == HADA_AUTO ? known : own->task.frame_encoding;
+    if (encoding == 0.0 || encoding == HADA_RESPONSE_LINEAR)
+        return HADA_OK;
+    hada_image_destroy(&own->light);
+    HADA_TRY(hada_pixels_copy(raw, &own->light, err));
+    hada_response_convert(own->light.data, hada_image_count(&own->light), encoding, HADA_RESPONSE_LINEAR);
+    hada_pixels_init(raw);
+    hada_pixels_of_image(raw, &own->light);
+    return HADA_OK;
+}
+
 static hada_status take_from_pipe(run *own, int *came, int *ended, hada_error *err)
 {
     const hada_headerless *frames = &own->pipe.frames;
@@ -493,7 +503,8 @@ static hada_status take_from_pipe(run *own, int *came, int *ended, hada_error *e
     hada_pixels_interleaved(&raw, own->samples, frames->bits > 8 ? HADA_PIXEL_U16 : HADA_PIXEL_U8, frames->channels,
                             frames->rows, frames->cols);
     raw.full_scale = ldexp(1.0, frames->bits) - 1.0;
-    const hada_status status = do_frame(own, name, &raw, 0, 1, &error);
+    hada_status status = decode(own, &raw, &error);
+    status = status ? status : do_frame(own, name, &raw, 0, 1, &error);
     end_input(own);
     return after(own, name, status, began, &error, err);
 }
@@ -568,5 +579,6 @@ done:
     hada_result_destroy(&own.result);
     end_input(&own);
     free(own.samples);
+    hada_image_destroy(&own.light);
     return status;
 }

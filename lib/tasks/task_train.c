@@ -442,7 +442,10 @@ static hada_status survey(training *own, hada_context *context, hada_fit_options
     HADA_TRY(hada_fit_prepare(fit, own->data, task->boundary, task->monitor, err));
     if (own->model) {
         const hada_model_info *info = hada_model_get_info(own->model);
+        int encoded;
         fit->scene_response = info->scene_response;
+        fit->frame_encoding = info->frame_encoding == 0.0 ? HADA_RESPONSE_LINEAR : info->frame_encoding;
+        HADA_TRY(hada_fit_decode(&own->mended, &own->data, context, fit, &own->work.ranks, &encoded, err));
         memcpy(fit->colour_matrix, info->colour_matrix, sizeof fit->colour_matrix);
         fit->find_colours = 0;
         fit->dark = info->dark;

@@ -48,6 +48,22 @@ head -c 100 three.raw | expect 3 'ended after 100 bytes, before a whole frame of
 expect 4 '64 x 80' reconstruct --watch - --headerless 63x80:u8 -m packed.model -o x <three.raw
 expect 2 'say how they lie with --headerless' reconstruct --watch - -m packed.model -o x <three.raw
 
+# Frames that a camera has encoded for displays, without saying so: found in the pairs, and kept in the model.
+expect 0 '' simulate "${small[@]}" -o colour
+for file in colour/z*mm/raw/*.tif colour/test/raw/*.tif; do
+    "$FRAME_TOOL" encode "$file" "${file%.tif}.rgb" && "$FRAME_TOOL" encode "$file" "$file" || fail "$file"
+done
+expect 0 'encoded for displays.*"frame_encoding": "srgb"' fit colour -o encoded.model --json
+expect 0 '' fit colour --frame-encoding srgb -o told.model
+cmp -s encoded.model told.model || fail "frames that were found to be encoded made another model"
+expect 0 '' reconstruct colour/test/raw/test01.tif -m encoded.model -o known
+expect 0 '' reconstruct colour/test/raw/test01.tif --frame-encoding srgb -m encoded.model -o told
+expect 0 '' reconstruct colour/test/raw/test01.tif --frame-encoding linear -m encoded.model -o linear
+expect 0 '' reconstruct --watch - --headerless 64x80:rgb8 -m encoded.model -o pipe.out <colour/test/raw/test01.rgb
+same_results known/test01_aif.tif told/test01_aif.tif || fail "the model did not know how frames are encoded"
+same_results known/test01_aif.tif linear/test01_aif.tif && fail "--frame-encoding linear changed nothing"
+same_results pipe.out/frame000001_aif.tif known/test01_aif.tif || fail "an encoded frame of a pipe has other bits"
+
 # A folder: files that come, those that change, those that are no frames; older ones when there is time.
 mkdir come
 cp tiff/test/raw/test01.tif come/here.tif

@@ -5,6 +5,7 @@
  *   frame_tool spots OUT H W COUNT SEED [WHITE]   a PSF: spots on a background of 0.1, noise of 0.001
  *   frame_tool offset IN OUT LEVEL   every page of IN plus LEVEL
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
+ *   frame_tool encode IN OUT         IN's first frame in sRGB and 8 bits, which OUT does not say; OUT.rgb: bytes alone
  *   frame_tool net OUT CHANNELS      a U-net of a few weights
  *   frame_tool lpips OUT             AlexNet and the heads of LPIPS, random weights
  *   frame_tool turn IN OUT MAGNIFICATION DEGREES QUARTERS MIRRORED ROWS COLS [PERSPECTIVE]
@@ -44,6 +45,29 @@ static hada_status save_pages(const char *in, const char *out, int pages, double
         hada_tiff_abandon(&writer);
     if (reader)
         hada_tiff_close(&reader);
+    return status;
+}
+
+static hada_status save_encoded(const char *in, const char *out, hada_error *err)
+{
+    hada_image image = {0};
+    hada_tiff_write_options options;
+    hada_tiff_write_options_init(&options);
+    options.bits = 8;
+    hada_status status = hada_tiff_load(in, 0, &image, err);
+    const size_t count = status ? 0 : hada_image_count(&image);
+    FILE *bytes = !status && strstr(out, ".rgb") ? fopen(out, "wb") : NULL;
+    hada_response_convert(image.data, count, HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB);
+    for (size_t i = 0; bytes && i < count; i++) {
+        const size_t channels = (size_t)image.channels;
+        const float value = image.data[i % channels * (count / channels) + i / channels];
+        fputc((int)(fminf(value, 1.0f) * 255.0f + 0.5f), bytes);
+    }
+    if (!status && !bytes)
+        status = hada_tiff_save(out, &image, &options, err);
+    if (bytes)
+        fclose(bytes);
+    hada_image_destroy(&image);
     return status;
 }
 
@@ -264,6 +288,8 @@ int main(int argc, char **argv)
         status = save_pages(argv[2], argv[3], atoi(argv[4]), 0, &err);
     else if (!strcmp(what, "offset") && argc == 5)
         status = save_pages(argv[2], argv[3], 0, atof(argv[4]), &err);
+    else if (!strcmp(what, "encode") && argc == 4)
+        status = save_encoded(argv[2], argv[3], &err);
     else if (!strcmp(what, "net") && argc == 4)
         status = save_net(argv[2], atoi(argv[3]), &err);
     else if (!strcmp(what, "flat") && argc == 7)

@@ -258,6 +258,24 @@ def test_colours_that_a_sensor_mixes(arrays: Pairs, model: hadalens.Model, raw: 
         hadalens.fit(pairs, colour_matrix="found")
 
 
+def test_frames_that_are_encoded(arrays: Pairs, tmp_path: Path) -> None:
+    """Encoded frames in files are found, or said to be; the model keeps it."""
+    for distance, pairs in arrays.items():
+        for number, (frame, scene) in enumerate(pairs):
+            for kind, image in ("raw", np.maximum(frame, 0) ** (1 / 2.2)), ("scene", scene):
+                folder = tmp_path / f"z{distance:g}mm" / kind
+                folder.mkdir(parents=True, exist_ok=True)
+                hadalens.write_tiff(folder / f"{number}.tif", image, bits=8 if kind == "raw" else 32)
+    assert hadalens.fit(tmp_path).info.frame_encoding == -2  # sRGB, which a power of 2.2 resembles
+    told = hadalens.fit(tmp_path, frame_encoding=2.2, leave_one_out=False)
+    opened = hadalens.fit(hadalens.Dataset.scan(tmp_path, frame_encoding=2.2), leave_one_out=False)
+    linear = hadalens.fit(tmp_path, frame_encoding="linear", leave_one_out=False)
+    assert told.info.frame_encoding == opened.info.frame_encoding == 2.2
+    assert linear.info.frame_encoding == 0
+    assert same(told, opened)
+    assert not same(told, linear)
+
+
 def test_functions_that_vary_over_the_field(tmp_path: Path) -> None:
     """Components of measured point spread functions, from arrays and files alike; what they are; a better picture."""
     design = hadalens.Camera("sim300", channels=1, boundary="padded", distances_mm=(100.0, 300.0))

@@ -1,5 +1,5 @@
 /* Frames as people have them, and results in arrays of theirs. */
-#include "core/finite.h"
+#include "core/numbers.h"
 #include "learned_camera.h"
 
 enum { MARGIN = 3 }; /* samples round each row and frame that belong to somebody else */

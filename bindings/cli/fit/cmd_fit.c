@@ -116,7 +116,8 @@ static const hada_cli_option options[] = {
      AT(flat)},
     {HADA_OPTION_TEXT, "frame-encoding", 0, "auto|linear|srgb|P",
      "how values of raw frames and PSFs stand for light (default: auto)",
-     "auto: as their files say, which is sRGB for JPEG files, and linear otherwise.", AT(frame_encoding)},
+     "auto: as their files say, which is sRGB for JPEG files, or as explains the pairs: sRGB or linear. The model keeps it.",
+     AT(frame_encoding)},
     {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
      AT(psf_options.psf_dark)},
     {HADA_OPTION_REAL, "psf-gate", 0, "K", "set to 0 what is below K deviations of the PSF's noise (default: 4)", NULL,
@@ -354,6 +355,10 @@ static void fit_tell_model(hada_cli *cli, const char *path, const hada_model *mo
                  {"refine_colour", info->refine_colour}, {"refine_ridge", info->refine_ridge},
                  {"refine_share", info->refine_share}, {"noise", info->noise});
     json_object_set_new(entry, "scene_response", json_string(response));
+    if (info->frame_encoding != 0.0) {
+        hada_response_name(response, info->frame_encoding);
+        json_object_set_new(entry, "frame_encoding", json_string(response));
+    }
     json_object_set_new(entry, "mosaic", json_string(mosaic));
     if (info->colour_matrix[0] != 0.0)
         json_object_set_new(entry, "colour_matrix", hada_cli_reals(info->colour_matrix, 9));

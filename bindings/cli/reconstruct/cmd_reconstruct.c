@@ -47,8 +47,8 @@ static const hada_cli_option options[] = {
      AT(encoding)},
     {HADA_OPTION_TEXT, "frame-encoding", 0, "auto|linear|srgb|P",
      "how the frames' values stand for light (default: auto)",
-     "auto: as the file says, which is sRGB for JPEG files, and linear otherwise. srgb: for other files that a camera has "
-     "encoded for a display.",
+     "auto: as the file says, which is sRGB for JPEG files, or as the model knows of its pairs, or linear. srgb: for "
+     "other files that a camera has encoded for a display.",
      AT(frame_encoding)},
     {HADA_OPTION_REAL, "pixel-um", 0, "UM", "size of a pixel in the scene, in micrometres (default: not known)",
      "Stated in the TIFF files, so that ImageJ and others show volumes to scale.", AT(task.pixel_um)},
@@ -303,8 +303,9 @@ static hada_status merge_bracket(job *work, hada_error *err)
     const hada_model_info *info = hada_model_get_info(work->model);
     const hada_mosaic known = info->sensor_mosaic ? info->sensor_mosaic : info->mosaic;
     const hada_mosaic mosaic = work->options.mosaic == HADA_MOSAIC_AUTO ? known : work->options.mosaic;
-    HADA_TRY(hada_exposures_load(&work->merged, &work->weights, work->paths, work->files, work->frame_encoding, mosaic,
-                                 &work->cli->monitor, err));
+    const int told = work->frame_encoding != HADA_AUTO || info->frame_encoding == 0.0;
+    HADA_TRY(hada_exposures_load(&work->merged, &work->weights, work->paths, work->files,
+                                 told ? work->frame_encoding : info->frame_encoding, mosaic, &work->cli->monitor, err));
     const double tv = work->options.refine_tv == HADA_AUTO ? info->refine_tv : work->options.refine_tv;
     if (work->classic.method ||
         tv < 0) /* which is found from the frame: with weights that differ less it is found better */

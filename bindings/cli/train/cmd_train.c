@@ -421,6 +421,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         scan.flat_dark = info->dark;
         scan.downsample = info->downsample;
         scan.mosaic = info->sensor_mosaic;
+        scan.frame_encoding = info->frame_encoding == 0.0 ? HADA_AUTO : info->frame_encoding;
     }
     HADA_TRY_OR_DONE(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
     HADA_TRY_OR_DONE(hada_cli_open_all(cli, &devices, &err));

@@ -64,6 +64,7 @@ class FitOptions(TypedDict, total=False):
     refine_ridge: float | None
     nonnegative: bool
     scene_response: float | str | None
+    frame_encoding: float | str | None
     colour_matrix: npt.ArrayLike | Literal["auto"] | None
     crop_passes: int | None
     leave_one_out: bool
@@ -85,6 +86,7 @@ def fit_options(
     refine_ridge: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
+    frame_encoding: float | str | None = None,
     colour_matrix: npt.ArrayLike | Literal["auto"] | None = "auto",
     crop_passes: int | None = None,
     leave_one_out: bool = True,
@@ -112,6 +114,7 @@ def fit_options(
         refine_ridge=refine_ridge,
         nonnegative=nonnegative,
         scene_response=None if scene_response is None else responses.number(scene_response),
+        frame_encoding=None if frame_encoding is None else responses.number(frame_encoding),
         find_colours=found,
         colour_matrix=None if found or colour_matrix is None else nine(colour_matrix),
         crop_passes=crop_passes,
@@ -142,6 +145,7 @@ def fit(
     refine_ridge: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
+    frame_encoding: float | str | None = None,
     colour_matrix: npt.ArrayLike | Literal["auto"] | None = "auto",
     exposure: Literal["auto", "same", "each"] = "auto",
     crop_passes: int | None = None,
@@ -171,6 +175,8 @@ def fit(
             by leaving pairs out (docs/explanation/learning-a-camera.md, docs/explanation/refinement.md).
         nonnegative: point spread functions are nowhere negative, where the pairs say too little.
         scene_response: how scenes stand for light: "linear", "srgb", a power; None: found.
+        frame_encoding: the same of files of whole numbers that hold raw frames and do not say it, of the pairs and of
+            new frames; None: "linear", or "srgb" where that explains the pairs far better.
         colour_matrix: (3, 3), of each of the sensor's channels what it sees of the scenes' red, green and blue; "auto":
             found from pairs in full colour; None: they see the same. Results have the scenes' colours.
         exposure: whether frames of a depth were exposed alike: "auto" (found), "same" or "each".
@@ -216,6 +222,7 @@ def fit(
         refine_ridge=refine_ridge,
         nonnegative=nonnegative,
         scene_response=scene_response,
+        frame_encoding=frame_encoding,
         colour_matrix=colour_matrix,
         crop_passes=crop_passes,
         leave_one_out=leave_one_out,

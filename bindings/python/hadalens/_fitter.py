@@ -72,9 +72,9 @@ class Fitter(Handle):
         context: a device; None: :meth:`Context.default`.
         channel_axis: of arrays of three axes; None: the first.
         options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour,
-            refine_ridge, nonnegative, scene_response, colour_matrix (which is not found here), crop_passes,
-            leave_one_out, mosaic, downsample as in :func:`fit`; `raw_size` and `window` are of binned pixels, frames
-            and scenes of the sensor's.
+            refine_ridge, nonnegative, scene_response, frame_encoding, colour_matrix (neither is found here),
+            crop_passes, leave_one_out, mosaic, downsample as in :func:`fit`; `raw_size` and `window` are of binned
+            pixels, frames and scenes of the sensor's.
 
     Example:
         >>> fitter = hadalens.Fitter([100.0, 600.0], raw_size=(300, 400), window=(120, 120), channels=3)

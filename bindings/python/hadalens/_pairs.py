@@ -189,7 +189,7 @@ class Dataset(Handle):
         Args:
             folder: where the depths' folders stand.
             skip_incomplete: files without their partner are left out; otherwise they are an error.
-            frame_encoding: how raw frames stand for light; None: as their files say, else linear.
+            frame_encoding: how raw frames stand for light; None: as their files say, else linear, or as `fit` finds.
             mosaic: as of a data set of arrays; "auto": what the first raw file states (DNG), if its scene is in colour.
             downsample, flat_frame, flat_dark, dark_frame: as of a data set of arrays.
 

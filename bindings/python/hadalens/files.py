@@ -310,7 +310,7 @@ def reconstruct_files(
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
-        frame_encoding: how the frames stand for light; None: as their files say, else linear.
+        frame_encoding: how the frames stand for light; None: as their files say, else as the model knows.
         resume: files whose results stand in the folder are passed over, whatever made them.
         match: whether the camera belongs to the first frame, or to the first one of each file, is in the results, and
             logged where it does not (:meth:`Plan.match`).
@@ -392,7 +392,7 @@ def find_pace(
         files: frames, two at least.
         fps: frames a second.
         context: the device, or several.
-        frame_encoding: how the frames stand for light; None: as their files say, else linear.
+        frame_encoding: how the frames stand for light; None: as their files say, else as the model knows.
         options: those of :class:`Plan`; of `refine`, fewer are tried.
 
     Example:

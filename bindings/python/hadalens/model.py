@@ -65,6 +65,8 @@ class ModelInfo:
         lost, lost_single: share of the measured energy that the components leave, and that the mean one alone does.
         colour_matrix: rows of what the sensor's channels see of the scenes' colours, to which frames are brought back;
             None: they are the same.
+        frame_encoding: how values of the frames' files stand for light where these are whole numbers and the file says
+            nothing; 0: linear. Arrays are linear in light.
 
     """
 
@@ -105,6 +107,7 @@ class ModelInfo:
     refine_noise: float
     refine_noise_largest: float
     colour_matrix: tuple[tuple[float, ...], ...] | None
+    frame_encoding: float
     regularisation: float  # "lambda" in C
     distances_mm: tuple[float, ...]
 

@@ -75,6 +75,10 @@ typedef struct hada_fit_options {
                              brightness is in the transfer functions. All 0 (default): found by hada_fit_run() and
                              hada_train_run() where find_colours is 1, else the sensor sees the scenes' colours */
     int find_colours;     /* 1 by default */
+    double frame_encoding; /* how the values of the raw frames' files stood for light, for the model, which takes those
+                              of new frames for the same (hada_model_info). HADA_AUTO (default): in hada_fit_run() that
+                              of the data set's options, or, of 8 or 16 bits and where nothing says it, sRGB if the
+                              pairs are explained far better so: the frames are then decoded. Otherwise linear */
 } hada_fit_options;
 HADA_INIT(hada_fit_options, HADA_STRUCT_FIT_OPTIONS)
 

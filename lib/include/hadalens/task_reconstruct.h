@@ -71,7 +71,8 @@ typedef struct hada_files_task {
     const hada_communicator *communicator; /* ranks that share the files: dealt to them in order, each writing its own;
                                               copied; NULL (default): none do. All ranks name the same files */
     double frame_encoding;  /* how the values of the frames stand for light (hadalens/response.h), which is made linear;
-                               HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
+                               HADA_AUTO (default): as their files say (JPEG: sRGB), and where they say nothing as the
+                               model knows (hada_model_info.frame_encoding), else linear */
     hada_files_match match; /* HADA_FILES_MATCH_FIRST by default */
     const hada_image *frame; /* in place of what the only path's file holds: hada_exposures_load(); NULL (default) */
     int picture; /* 1: the first all-in-focus image is also written as NAME_aif.png, in sRGB and 8 bits, where the build

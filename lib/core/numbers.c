@@ -1,4 +1,4 @@
-#include "core/finite.h"
+#include "core/numbers.h"
 #include "core/base.h"
 
 enum { BLOCK = 1024, LANES = 16 /* largest patterns side by side, of which compilers make vectors */ };
@@ -47,4 +47,32 @@ size_t hada_not_finite(const float *values, size_t count, float *largest)
     }
     memcpy(largest, &most, sizeof *largest);
     return broken;
+}
+
+int hada_cholesky_factor(double *m, int n)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = m[i * n + j];
+            for (int k = 0; k < j; k++)
+                sum -= m[i * n + k] * m[j * n + k];
+            if (i == j && !(sum > 0.0))
+                return 0;
+            m[i * n + j] = i == j ? sqrt(sum) : sum / m[j * n + j];
+        }
+    return 1;
+}
+
+void hada_cholesky_solve(const double *m, int n, double *x)
+{
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++)
+            x[i] -= m[i * n + k] * x[k];
+        x[i] /= m[i * n + i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++)
+            x[i] -= m[k * n + i] * x[k];
+        x[i] /= m[i * n + i];
+    }
 }

@@ -609,7 +609,8 @@ static void tell_gain(const learning *of)
         hada_monitor_tell(
             of->task.monitor, HADA_MESSAGE_NOTE,
             "the model is of no use: held-out scenes come out %.1f dB %s than images of one brightness; "
-            "check that each frame is of the scene with its name, that scenes are not turned or mirrored, "
+            "check that each frame is of the scene with its name, that scenes are not turned or mirrored "
+            "(hadalens/register.h finds it), "
             "that frames are linear in light (options.frame_encoding), and that they show more than noise",
             fabs(gain), gain < 0.0 ? "worse" : "better");
     else if (isfinite(gain))

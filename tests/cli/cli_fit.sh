@@ -243,7 +243,7 @@ for depth in set/z*; do
     for ((i = 1; i < ${#names[@]}; i++)); do mv "${names[i]}" "${names[i - 1]}"; done
     mv first.tif "${names[-1]}"
 done
-expect 0 'the model is of no use: held-out scenes come out .* worse .*check that each frame' fit set -o no_use.model
+expect 0 'the model is of no use: held-out scenes come out .* worse .*check that each frame.*--register finds it' fit set -o no_use.model
 expect 0 '' simulate --preset sim300 --size 64x80 --window 24x24 --depths 3 --lenses 9 --pairs 5 --noise 100 --seed 5 -o noise
 expect 0 'the model is of no use' fit noise -o no_use.model
 

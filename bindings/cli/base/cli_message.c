@@ -157,13 +157,18 @@ static const char *spell(const char *text, size_t *length)
 
 void hada_cli_translate(char *text)
 {
-    static const char mark[] = "options.";
+    static const char mark[] = "options.", header[] = "hadalens/register.h";
     char *to = text;
     for (const char *from = text; *from;) {
         const char *name = from + sizeof mark - 1, *own = NULL;
         size_t length = 0;
         if (!strncmp(from, mark, sizeof mark - 1))
             own = spell(name, &length);
+        if (!strncmp(from, header, sizeof header - 1)) {
+            to = stpcpy(to, "--register");
+            from += sizeof header - 1;
+            continue;
+        }
         if (!length) {
             *to++ = *from++;
             continue;

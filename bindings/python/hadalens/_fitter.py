@@ -244,7 +244,8 @@ class Fitter(Handle):
         if held_out and max(held_out) < sum(seen.flat for seen in self._seen) / len(self._seen):
             log.warning(
                 "the model is of no use: held-out scenes come out worse than images of one brightness; check that each "
-                "frame is of its scene, that scenes are not turned or mirrored, and that frames show more than noise"
+                "frame is of its scene, that scenes are not turned or mirrored (hadalens.register finds it), and that "
+                "frames show more than noise"
             )
         return learned
 

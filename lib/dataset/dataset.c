@@ -243,6 +243,8 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     memcpy(set->unmix, from->unmix, sizeof set->unmix);
     set->encoding = from->encoding;
     set->darkened = from->darkened;
+    set->light = from->light;
+    set->light_channels = from->light_channels;
     if (!from->number)
         return HADA_OK;
     HADA_TRY(HADA_NEW(set->number, before(set, depths), "a data set", err));
@@ -370,6 +372,15 @@ hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, con
 {
     HADA_TRY(whole_part(out, from, err));
     hada_colours_invert(m, (*out)->unmix);
+    return HADA_OK;
+}
+
+hada_status hada_dataset_unlit(hada_dataset **out, const hada_dataset *from, const double *light, int channels,
+                               hada_error *err)
+{
+    HADA_TRY(whole_part(out, from, err));
+    (*out)->light = light;
+    (*out)->light_channels = channels;
     return HADA_OK;
 }
 
@@ -772,6 +783,11 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         decode(&pair->own.raw, dataset->encoding);
     }
     HADA_TRY_OR_DONE(mend(pair, dataset, err));
+    if (dataset->light && pair->raw->channels == dataset->light_channels) {
+        HADA_TRY_OR_DONE(own_raw(pair, err));
+        hada_smooth_add(dataset->light + (size_t)(index * dataset->light_channels) * HADA_SMOOTH_TERMS, -1.0,
+                        &pair->own.raw);
+    }
     if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
         hada_pair_name(dataset, depth, number, err);
         goto done;
@@ -851,49 +867,4 @@ hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, 
 done:
     hada_pair_return(&taken);
     return status;
-}
-
-static hada_status add_pages(hada_tiff_reader *reader, hada_image *mean, hada_error *err)
-{
-    const int frames = hada_tiff_get_info(reader)->frames;
-    hada_image page = {0};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_tiff_read_light(reader, 0, HADA_AUTO, mean, err));
-    const size_t count = hada_image_count(mean);
-    for (int t = 1; t < frames; t++) {
-        HADA_TRY_OR_DONE(hada_tiff_read_light(reader, t, HADA_AUTO, &page, err));
-        if (page.channels != mean->channels || page.rows != mean->rows || page.cols != mean->cols)
-            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "the pages have different sizes"));
-        for (size_t i = 0; i < count; i++)
-            mean->data[i] += page.data[i];
-        hada_image_destroy(&page);
-    }
-    for (size_t i = 0; i < count; i++)
-        mean->data[i] /= (float)frames;
-    const size_t bad = hada_image_count_not_finite(mean);
-    if (bad)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixels are NaN or infinite", bad));
-done:
-    hada_image_destroy(&page);
-    return status;
-}
-
-hada_status hada_dark_frame_load(hada_image *image, double *level, const char *path, hada_error *err)
-{
-    HADA_NEED(image && path, err);
-    hada_tiff_reader *reader = NULL;
-    hada_status status = HADA_OK;
-    double sum = 0.0;
-    *image = (hada_image){0};
-    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
-    HADA_TRY_OR_DONE(add_pages(reader, image, err));
-    for (size_t i = 0; i < hada_image_count(image); i++)
-        sum += (double)image->data[i];
-    if (level)
-        *level = sum / (double)hada_image_count(image);
-done:
-    hada_tiff_close(&reader);
-    if (status)
-        hada_image_destroy(image);
-    return hada_named(status, path, err);
 }

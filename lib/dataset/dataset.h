@@ -96,6 +96,8 @@ struct hada_dataset {
     const hada_filled_scenes *filled; /* NULL: all scenes are as they were read */
     /* in place of the store's: a flat frame with more pixels of 0, and a dark frame; NULL: the store's */
     const hada_image *mended, *darkened;
+    const double *light; /* surfaces that are subtracted, [pair of the store][channel][HADA_SMOOTH_TERMS]; NULL: none */
+    int light_channels;
     double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
     double response;                  /* in which scenes are encoded, where there are gains */
     double unmix[HADA_COLOUR_MATRIX]; /* by which frames are multiplied; all 0: by nothing */
@@ -133,6 +135,11 @@ hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, 
 
 /* The same pairs, with raw frames of three channels that were m, [channel][colour], times what these are now. */
 hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, const double m[HADA_COLOUR_MATRIX],
+                               hada_error *err);
+
+/* The same pairs, without a smooth surface of each raw frame of so many channels, light[pair][channel]
+ * [HADA_SMOOTH_TERMS] by hada_pair_number(), which must stay as long as the part and its parts. */
+hada_status hada_dataset_unlit(hada_dataset **out, const hada_dataset *from, const double *light, int channels,
                                hada_error *err);
 
 /* The same pairs, whose raw frames stand for light in this way (hadalens/response.h) and are made linear. */

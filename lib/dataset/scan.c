@@ -1,4 +1,4 @@
-/* Finding depths and pairs by the names of folders and files. */
+/* Finding depths and pairs by the names of folders and files; dark frames from files. */
 
 #include <hadalens/tiff.h>
 
@@ -6,6 +6,7 @@
 #include "dataset/dataset.h"
 #include "image/mosaic.h"
 #include "io/folder.h"
+#include "io/tiff_page.h"
 
 /* At most so many files without their partner are named. */
 enum { INCOMPLETE_NAMED = 4 };
@@ -287,4 +288,49 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
 done:
     hada_pair_store_release(&store);
     return status;
+}
+
+static hada_status add_pages(hada_tiff_reader *reader, hada_image *mean, hada_error *err)
+{
+    const int frames = hada_tiff_get_info(reader)->frames;
+    hada_image page = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_tiff_read_light(reader, 0, HADA_AUTO, mean, err));
+    const size_t count = hada_image_count(mean);
+    for (int t = 1; t < frames; t++) {
+        HADA_TRY_OR_DONE(hada_tiff_read_light(reader, t, HADA_AUTO, &page, err));
+        if (page.channels != mean->channels || page.rows != mean->rows || page.cols != mean->cols)
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "the pages have different sizes"));
+        for (size_t i = 0; i < count; i++)
+            mean->data[i] += page.data[i];
+        hada_image_destroy(&page);
+    }
+    for (size_t i = 0; i < count; i++)
+        mean->data[i] /= (float)frames;
+    const size_t bad = hada_image_count_not_finite(mean);
+    if (bad)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixels are NaN or infinite", bad));
+done:
+    hada_image_destroy(&page);
+    return status;
+}
+
+hada_status hada_dark_frame_load(hada_image *image, double *level, const char *path, hada_error *err)
+{
+    HADA_NEED(image && path, err);
+    hada_tiff_reader *reader = NULL;
+    hada_status status = HADA_OK;
+    double sum = 0.0;
+    *image = (hada_image){0};
+    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
+    HADA_TRY_OR_DONE(add_pages(reader, image, err));
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        sum += (double)image->data[i];
+    if (level)
+        *level = sum / (double)hada_image_count(image);
+done:
+    hada_tiff_close(&reader);
+    if (status)
+        hada_image_destroy(image);
+    return hada_named(status, path, err);
 }

@@ -10,7 +10,8 @@
 #define NEARLY_SURE    0.97
 #define SURE_WITH_DARK 0.5
 /* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.02 to 0.04, on real
- * pairs that have none and a model that explains them poorly 0.5. */
+ * pairs that have none and a model that explains them poorly 0.5. The same of light of each frame's own, where smooth
+ * surfaces and noise do not count: at most 0.04, and 0.5 and more (perf/results/learning.md). */
 #define LIGHT 0.25
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.14 on simulated cameras,
  * 4 to 1700 where they were linear. */
@@ -275,8 +276,8 @@ done:
 }
 
 /* What is left of held-out frames of these pairs, with the response that leaves least. */
-static hada_status left_of(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, double *left,
-                           hada_error *err)
+static hada_status left_of(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int smooth,
+                           double *left, hada_error *err)
 {
     confirming of = {0};
     hada_survey *survey = NULL;
@@ -284,6 +285,7 @@ static hada_status left_of(const hada_fit_options *fit, hada_context *context, c
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_SAME, err));
     HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
+    of.at.smooth = smooth;
     if (of.rows)
         HADA_TRY_OR_DONE(confirm(&of, 0, &row, left, err));
 done:
@@ -293,13 +295,13 @@ done:
 }
 
 hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
-                                  const hada_dataset *dark, int *better, hada_error *err)
+                                  const hada_dataset *dark, int own, int *better, hada_error *err)
 {
     hada_fit_options without = *fit;
     double before = 0.0, after = 0.0;
     without.dark = 0.0;
-    HADA_TRY(left_of(fit, context, lit, &before, err));
-    HADA_TRY(left_of(&without, context, dark, &after, err));
+    HADA_TRY(left_of(fit, context, lit, own, &before, err));
+    HADA_TRY(left_of(&without, context, dark, own, &after, err));
     *better = after < LIGHT * before;
     return HADA_OK;
 }
@@ -317,7 +319,7 @@ static hada_status share_left(const coding *of, const hada_fit_options *fit, con
                               hada_error *err)
 {
     double left = 0.0, variance = 0.0;
-    HADA_TRY(left_of(fit, of->context, few, &left, err));
+    HADA_TRY(left_of(fit, of->context, few, 0, &left, err));
     for (int i = 0; i < of->count; i++) {
         const size_t count = hada_image_count(&of->frame[i]);
         double sum = 0.0, squares = 0.0;

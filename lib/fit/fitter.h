@@ -92,6 +92,11 @@ hada_status hada_fit_find_bad_pixels(const hada_fit_options *sizes, const hada_d
  * was found. */
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
                                hada_error *err);
+/* Light that comes from no scene and differs from frame to frame, a smooth surface of each: [pair][channel]
+ * [HADA_SMOOTH_TERMS], by hada_pair_number(), free(); NULL where it is clearly no better than one surface for all. For
+ * depths with three pairs and more, without a mosaic. */
+hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, double **light,
+                                    hada_error *err);
 /* Whether frames, taken for linear, seem to be encoded so (hadalens/response.h): decoded, they are explained better. */
 hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                   double encoding, int *seem, hada_error *err);
@@ -107,10 +112,10 @@ hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *con
 /* Among ranks: what the first of them has found. */
 hada_status hada_survey_agree(hada_survey *survey, const hada_communicator *ranks, const hada_dataset *pairs,
                               hada_error *err);
-/* Whether pairs without the surface that hada_fit_find_dark() found, `dark`, are clearly better explained than with it.
- */
+/* Whether pairs without light that was found, `dark`, are clearly better explained than with it. own: each frame had
+ * light of its own, which held-out frames have as well: what is left of them counts but for smooth surfaces. */
 hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
-                                  const hada_dataset *dark, int *better, hada_error *err);
+                                  const hada_dataset *dark, int own, int *better, hada_error *err);
 /* Makes a row the chosen one, with the exposures of another survey of the same pairs, which gets those that were there;
  * NULL: they are alike. */
 void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_survey *exposures);

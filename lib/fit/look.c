@@ -1,5 +1,11 @@
 #include "fit/look.h"
 
+#include <hadalens/pixels.h>
+
+#include "core/numbers.h"
+#include "image/correct.h"
+#include "image/statistics.h"
+
 /* Pairs of a depth from which on two are held out, and iterations: fewer than for a model, as only a few settings are
  * compared (docs/explanation/learning-a-camera.md). */
 enum { MANY_PAIRS = 4, PASSES = 9 };
@@ -82,9 +88,56 @@ done:
     return status;
 }
 
+/* The energy of the smooth surface that is nearest to a frame. */
+static double smooth_energy(const float *frame, int rows, int cols)
+{
+    enum { TERMS = HADA_SMOOTH_TERMS };
+    double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0}, solution[TERMS], energy = 0.0;
+    for (int r = 0; r < rows; r++)
+        for (int c = 0; c < cols; c++)
+            for (int k = 0; k < TERMS; k++) {
+                const double y = hada_smooth_place(r + 0.5, rows), x = hada_smooth_place(c + 0.5, cols),
+                             term = hada_smooth_term(k, y, x);
+                right[k] += term * (double)frame[(size_t)r * (size_t)cols + (size_t)c];
+                for (int n = 0; n <= k; n++)
+                    normal[k * TERMS + n] += term * hada_smooth_term(n, y, x);
+            }
+    memcpy(solution, right, sizeof right);
+    if (!hada_cholesky_factor(normal, TERMS))
+        return 0.0;
+    hada_cholesky_solve(normal, TERMS, solution);
+    for (int k = 0; k < TERMS; k++)
+        energy += right[k] * solution[k];
+    return energy;
+}
+
+/* What is left of held-out frames but for smooth surfaces and noise: what other light cannot explain. */
+static hada_status left_sharp(const hada_look *at, int rows, int cols, double *left, hada_error *err)
+{
+    const size_t area = (size_t)at->options->raw_rows * (size_t)at->options->raw_cols;
+    hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
+    double each[HADA_LOOK_HELD], noise;
+    float *rest = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(rest, (size_t)at->held * area, "frames", err));
+    HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, at->held_out, each, NULL, rest, err));
+    *left = 0.0;
+    for (int k = 0; k < at->held; k++) {
+        hada_pixels_of_image(&pixels, &at->raw[at->count - at->held + k]);
+        noise = hada_noise_estimate(&pixels, HADA_MOSAIC_NONE);
+        *left += each[k] - noise * noise * (double)area -
+                 smooth_energy(rest + (size_t)k * area, at->options->raw_rows, at->options->raw_cols);
+    }
+done:
+    free(rest);
+    return status;
+}
+
 hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left, hada_error *err)
 {
     double each[HADA_LOOK_HELD];
+    if (at->smooth)
+        return left_sharp(at, rows, cols, left, err);
     HADA_TRY(hada_look_explain(at, rows, cols, at->held_out, each, NULL, NULL, err));
     *left = 0.0;
     for (int k = 0; k < at->held; k++)

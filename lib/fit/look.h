@@ -22,7 +22,8 @@ typedef struct hada_look {
     const hada_fit_options *options;
     int depth, first, count, held; /* first: the number of the pair that comes first */
     int channel;                   /* from 1 on; 0: the middle one */
-    int group; /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
+    int smooth; /* 1: what is left of a frame counts but for a smooth surface (hada_smooth_term()) and noise */
+    int group;  /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
     hada_pair pair[HADA_LOOK_MOST];
     hada_image raw[HADA_LOOK_MOST], scene[HADA_LOOK_MOST]; /* their channels, not owned */
     hada_dataset *learned, *held_out;

@@ -248,6 +248,25 @@ void hada_pair_level_residual(hada_pair_level *level, int pair, int channel, flo
     }
 }
 
+void hada_pair_level_shares(hada_pair_level *level, int pair, int channel, float *shares)
+{
+    const float *scene = level->scene + first_of(level, pair, channel);
+    add_up(level, level->depth[pair], channel, NULL);
+    const double mean = mean_power(level, level->frame + first_of(level, pair, channel), scene, 1.0);
+    for (int k = 0; k < level->count; k++) {
+        const float *from = level->scene + first_of(level, k, channel);
+        for (size_t i = 0; i < level->plane; i++, shares += 2) {
+            const double own = (double)scene[2 * i] * scene[2 * i] + (double)scene[2 * i + 1] * scene[2 * i + 1];
+            const double under = level->sums[3 * i + 2] - own + FLOOR * mean;
+            const double times = level->depth[k] == level->depth[pair] && under > 0.0 ? -1.0 / under : 0.0;
+            const double re = (double)scene[2 * i] * from[2 * i] + (double)scene[2 * i + 1] * from[2 * i + 1];
+            const double im = (double)scene[2 * i + 1] * from[2 * i] - (double)scene[2 * i] * from[2 * i + 1];
+            shares[0] = k == pair ? 1.0f : (float)(re * times);
+            shares[1] = k == pair ? 0.0f : (float)(im * times);
+        }
+    }
+}
+
 double hada_pair_level_product(const hada_pair_level *level, const float *a, const float *b)
 {
     double sum = 0.0;

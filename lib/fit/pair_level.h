@@ -56,6 +56,9 @@ void hada_pair_level_judge(hada_pair_level *level, const double *gain, int itsel
 /* What the other pairs of its depth, all at exposure 1, leave of a channel of a pair's frame: a half spectrum of
  * `plane` complex values. And the scalar product of two such over all frequencies. */
 void hada_pair_level_residual(hada_pair_level *level, int pair, int channel, float *left);
+/* How much of each frame of its depth, [pair][plane] complex, is left there: 1 of its own, and what the others' say of
+ * it with the opposite sign. */
+void hada_pair_level_shares(hada_pair_level *level, int pair, int channel, float *shares);
 double hada_pair_level_product(const hada_pair_level *level, const float *a, const float *b);
 /* Exposures of the pairs whose `gain` is not 0, from each other, once; their geometric mean within a depth becomes 1.
  * unexplained, room: a number per pair. */

@@ -46,6 +46,17 @@ void hada_sample_forget(hada_sample *sample);
 /* What is unexplained of each pair, by response, exposures alike and apart. */
 void hada_sample_compare(hada_sample *sample);
 
+/* Light in the frames that comes from no scene, a smooth surface in each channel: one for all, or (own) one for each
+ * pair; weight: [1 or pair][channel][HADA_SMOOTH_TERMS]. It is that which leaves least of the pairs, each compared with
+ * the others of its depth, with the response (its number) that leaves least: logarithms of what is left of each. */
+typedef struct hada_light {
+    double *weight;
+    int response;
+    double left[HADA_SAMPLE_MOST], mean;
+} hada_light;
+hada_status hada_sample_find_light(hada_sample *sample, int own, hada_light *light, hada_error *err);
+void hada_light_free(hada_light *light);
+
 /* The geometric mean: shares of one response differ by ten from pair to pair, and their mean is that of the worst. */
 double hada_sample_mean(const double *shares, int count);
 

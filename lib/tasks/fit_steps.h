@@ -17,6 +17,8 @@ typedef struct hada_mended {
     hada_dataset *linear;        /* decoded */
     hada_dataset *sound, *above; /* without bad pixels; and without light that is in all frames */
     hada_image flat, dark;       /* of these */
+    hada_dataset *unlit;         /* without light of each frame's own */
+    double *light;               /* that */
 } hada_mended;
 void hada_mended_free(hada_mended *mended);
 

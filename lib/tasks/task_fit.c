@@ -298,6 +298,8 @@ void hada_mended_free(hada_mended *mended)
     hada_dataset_destroy(&mended->above);
     hada_dataset_destroy(&mended->sound);
     hada_dataset_destroy(&mended->linear);
+    hada_dataset_destroy(&mended->unlit);
+    free(mended->light);
     hada_image_destroy(&mended->flat);
     hada_image_destroy(&mended->dark);
 }
@@ -309,7 +311,7 @@ static hada_status darken(hada_mended *mended, const hada_dataset **data, hada_c
     double mean = 0.0;
     int better;
     HADA_TRY(hada_dataset_mend(&mended->above, *data, NULL, &mended->dark, err));
-    HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->above, &better, err));
+    HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->above, 0, &better, err));
     HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
     fit->find_dark = better || fit->dark > 0.0;
     if (!better)
@@ -322,6 +324,32 @@ static hada_status darken(hada_mended *mended, const hada_dataset **data, hada_c
                       "all frames hold light that comes from no scene, %.2g %% of full scale in the mean: the model "
                       "subtracts it. Frames of other light, such as of another room, need a --dark of their own",
                       100.0 * mean);
+    return HADA_OK;
+}
+
+/* Takes light off that differs from frame to frame, if that is clearly better than what was found for all frames. lit:
+ * the pairs with it. */
+static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, const hada_dataset **data,
+                               hada_context *context, hada_fit_options *fit, const hada_communicator *ranks,
+                               hada_error *err)
+{
+    hada_fit_options open = *fit;
+    int better = 0;
+    open.dark = 0.0;
+    HADA_TRY(hada_fit_find_own_light(&open, lit, &mended->light, err));
+    if (mended->light) {
+        HADA_TRY(hada_dataset_unlit(&mended->unlit, lit, mended->light, fit->channels, err));
+        HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->unlit, 1, &better, err));
+    }
+    HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
+    if (!better)
+        return HADA_OK;
+    fit->find_dark = 0;
+    fit->dark = 0.0;
+    *data = mended->unlit;
+    hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
+                      "frames hold light that comes from no scene and differs from frame to frame: it is subtracted "
+                      "from each. Where the pairs are taken in the dark, models are better");
     return HADA_OK;
 }
 
@@ -398,8 +426,14 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
         HADA_TRY(hada_dataset_mend(&mended->sound, *data, &mended->flat, NULL, err));
         *data = mended->sound;
     }
-    HADA_TRY(hada_fit_find_dark(fit, *data, surfaces && !encoded ? &mended->dark : NULL, err));
-    return mended->dark.data ? darken(mended, data, context, fit, ranks, err) : HADA_OK;
+    const hada_dataset *lit = *data;
+    const int looks = surfaces && !encoded, open = fit->find_dark && fit->dark == 0.0;
+    HADA_TRY(hada_fit_find_dark(fit, lit, looks ? &mended->dark : NULL, err));
+    if (mended->dark.data)
+        HADA_TRY(darken(mended, data, context, fit, ranks, err));
+    return looks && open && !hada_dataset_get_info(lit)->dark_frame
+               ? darken_each(mended, lit, data, context, fit, ranks, err)
+               : HADA_OK;
 }
 
 hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int given,

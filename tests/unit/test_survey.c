@@ -4,6 +4,7 @@
 #include "camera_small.h"
 #include "dataset/dataset.h"
 #include "fit/fitter.h"
+#include "image/correct.h"
 #include "image/mosaic.h"
 
 enum { ROWS = 48, COLS = 64, WINDOW = 24, DEPTHS = 4, CHANNELS = 3, PAIRS = 5 };
@@ -233,6 +234,47 @@ TEST(light_of_the_room_is_found)
         assert_true(options.dark == 0.0 && !options.find_dark);
         free_pairs(&set);
     }
+}
+
+/* Light of each frame's own is found and told from one light for all frames and from none. */
+TEST(light_of_each_frame_is_found)
+{
+    hada_context *context;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    for (int k = 0; k < 3; k++) {
+        const hada_fit_options options = helpers_fit(DEPTHS, CHANNELS, distances, ROWS, COLS, WINDOW);
+        enum { EACH = CHANNELS * HADA_SMOOTH_TERMS };
+        double room[DEPTHS * PAIRS * EACH], *light = NULL;
+        hada_random random;
+        int better = 0;
+        pairs set;
+        make_pairs(&set, HADA_RESPONSE_LINEAR, 0, 0.003, 71 + (uint64_t)k);
+        hada_random_seed(&random, 5, 0);
+        for (int i = 0; i < DEPTHS * PAIRS * EACH; i++)
+            room[i] = k == 2 ? (i % HADA_SMOOTH_TERMS ? 0.02 : 0.08) * hada_random_uniform(&random) : k ? 0.02 : 0.0;
+        for (int i = 0; i < DEPTHS * PAIRS; i++)
+            hada_smooth_add(room + (size_t)i * EACH, 1.0, &set.frame[i / PAIRS][i % PAIRS]);
+        SCOPED(hada_dataset) *data = data_of(&set, counts), *unlit = NULL;
+        ASSERT_OK(hada_fit_find_own_light(&options, data, &light, err));
+        if (light) {
+            ASSERT_OK(hada_dataset_unlit(&unlit, data, light, CHANNELS, err));
+            ASSERT_OK(hada_fit_confirm_dark(&options, context, data, unlit, 1, &better, err));
+        }
+        assert_int_equal(better, k == 2);
+        for (int i = 0; i < DEPTHS * PAIRS && better; i++) {
+            const size_t at = (size_t)hada_pair_number(data, i / PAIRS, i % PAIRS) * EACH;
+            for (int c = 0; c < CHANNELS; c++) {
+                const size_t first = (size_t)c * HADA_SMOOTH_TERMS;
+                const double is = hada_smooth_mean(light + at + first),
+                             was = hada_smooth_mean(room + (size_t)i * EACH + first);
+                if (fabs(is - was) > 0.01)
+                    fail_msg("pair %d, channel %d: %g for %g", i, c, is, was);
+            }
+        }
+        free(light);
+        free_pairs(&set);
+    }
+    close_context(&context);
 }
 
 /* Hot, dead and stuck pixels are found, two beside each other as well, at borders, of mosaics; and none of sound

@@ -1,0 +1,252 @@
+/* Light in the frames of pairs that comes from no scene, such as a room's: smooth surfaces, one for all frames, or one
+ * for each. What is left of a pair when the others of its depth predict it is linear in these surfaces, so they follow
+ * from least squares, each pair by its energy. */
+#include <float.h>
+#include <hadalens/response.h>
+
+#include "core/numbers.h"
+#include "fit/fitter.h"
+#include "fit/sample.h"
+#include "image/correct.h"
+
+enum { TERMS = HADA_SMOOTH_TERMS };
+/* The diagonal of the equations is so much larger. Where each pair has its own light, what is as bright as its scene
+ * might as well be a wide part of the point spread function: then there shall be no light. */
+#define SOLVABLE 1e-9
+#define LITTLE   1e-3
+
+/* Where each pair has its own light: pairs that are compared with each other at most, and at least. On small copies one
+ * for each must leave less than one for all by this factor; whether it is right, confirm.c says. */
+enum { TOGETHER = 10, OWN_LEAST = 3 };
+#define OWN_BETTER 1.5
+_Static_assert((int)TOGETHER <= (int)HADA_SAMPLE_MOST, "room for pairs");
+
+typedef struct equations {
+    hada_sample *work;
+    int own, unknowns;      /* of a channel */
+    float *term;            /* [TERMS][plane] complex: what each shows */
+    float *share;           /* [pair][plane] complex: of each frame that is left of a pair */
+    float *left;            /* [1 + unknowns][plane] complex: of a pair, as it is and if an unknown showed */
+    double *normal, *right; /* of each pair, [pair][unknowns][unknowns] and [pair][unknowns] */
+    double *sum, *solution; /* of all */
+} equations;
+
+/* Where row i of the reduced frame lies on the sensor. */
+static double place(int i, int count, int factor, int whole)
+{
+    return hada_smooth_place((i + 0.5) * factor + (whole - count * factor) / 2, whole);
+}
+
+/* The spectrum of a frame that shows a term alone. */
+static hada_status show_term(const equations *of, int k, hada_error *err)
+{
+    hada_sample *work = of->work;
+    const hada_image *like = &work->frame[0];
+    const size_t cols = (size_t)like->cols, area = cols * (size_t)like->rows;
+    const int factor = work->reducer.factor;
+    hada_image shown;
+    HADA_TRY(hada_image_create(&shown, like->channels, like->rows, like->cols, err));
+    for (size_t i = 0; i < hada_image_count(&shown); i++)
+        shown.data[i] =
+            (float)hada_smooth_term(k, place((int)(i % area / cols), like->rows, factor, work->options.raw_rows),
+                                    place((int)(i % cols), like->cols, factor, work->options.raw_cols));
+    hada_pair_level_put(&work->level, 0, 0, &shown, &work->scene[0][0]);
+    memcpy(of->term + (size_t)k * 2 * work->level.plane, work->level.frame, 2 * work->level.plane * sizeof(float));
+    hada_image_destroy(&shown);
+    return HADA_OK;
+}
+
+static hada_status begin(equations *of, hada_sample *work, int own, hada_error *err)
+{
+    static const char what[] = "light in the frames of pairs";
+    const size_t pairs = (size_t)work->count, n = (own ? pairs : 1) * TERMS, plane = 2 * work->level.plane;
+    *of = (equations){.work = work, .own = own, .unknowns = (int)n};
+    HADA_TRY(HADA_NEW_RAW(of->term, TERMS * plane, what, err));
+    HADA_TRY(HADA_NEW_RAW(of->share, pairs * plane, what, err));
+    HADA_TRY(HADA_NEW_RAW(of->left, (1 + n) * plane, what, err));
+    HADA_TRY(HADA_NEW(of->normal, pairs * n * n, what, err));
+    HADA_TRY(HADA_NEW(of->right, pairs * n, what, err));
+    HADA_TRY(HADA_NEW(of->sum, n * n, what, err));
+    HADA_TRY(HADA_NEW(of->solution, n, what, err));
+    work->level.count = 0;
+    for (int k = 0; k < TERMS; k++)
+        HADA_TRY(show_term(of, k, err));
+    return HADA_OK;
+}
+
+static void end(equations *of)
+{
+    HADA_FREE(of->term, of->share, of->left, of->normal, of->right, of->sum, of->solution);
+}
+
+/* What is left of a pair as it is, and if each unknown were 1 and all else 0. */
+static void leave(equations *of, int pair, int channel)
+{
+    hada_pair_level *level = &of->work->level;
+    const size_t plane = level->plane;
+    hada_pair_level_residual(level, pair, channel, of->left);
+    hada_pair_level_shares(level, pair, channel, of->share);
+    memset(of->left + 2 * plane, 0, (size_t)of->unknowns * 2 * plane * sizeof *of->left);
+    for (int j = 0; j < level->count; j++) {
+        const float *share = of->share + (size_t)j * 2 * plane;
+        for (int k = 0; k < TERMS && level->depth[j] == level->depth[pair]; k++) {
+            const float *term = of->term + (size_t)k * 2 * plane;
+            float *to = of->left + (size_t)(1 + (of->own ? j : 0) * TERMS + k) * 2 * plane;
+            for (size_t i = 0; i < 2 * plane; i += 2) {
+                to[i] += share[i] * term[i] - share[i + 1] * term[i + 1];
+                to[i + 1] += share[i] * term[i + 1] + share[i + 1] * term[i];
+            }
+        }
+    }
+}
+
+/* The weights of a channel, [set][channel][term]. Adds what is left of each pair. */
+static void solve_channel(equations *of, int channel, const double *energy, hada_light *to)
+{
+    hada_sample *work = of->work;
+    const hada_pair_level *level = &work->level;
+    const size_t n = (size_t)of->unknowns, plane = 2 * level->plane;
+    double as_is[HADA_SAMPLE_MOST] = {0.0}, *x = of->solution;
+    memset(of->sum, 0, n * n * sizeof *of->sum);
+    memset(x, 0, n * sizeof *x);
+    for (int p = 0; p < work->count; p++) {
+        double *normal = of->normal + (size_t)p * n * n, *right = of->right + (size_t)p * n;
+        leave(of, p, channel);
+        as_is[p] = hada_pair_level_product(level, of->left, of->left);
+        for (size_t a = 0; a < n; a++) {
+            const float *at = of->left + (1 + a) * plane;
+            right[a] = hada_pair_level_product(level, at, of->left);
+            x[a] += right[a] / energy[p];
+            for (size_t b = 0; b <= a; b++) {
+                normal[a * n + b] = normal[b * n + a] = hada_pair_level_product(level, at, of->left + (1 + b) * plane);
+                of->sum[a * n + b] += normal[a * n + b] / energy[p];
+            }
+        }
+    }
+    for (size_t a = 0; a < n; a++)
+        of->sum[a * n + a] = of->sum[a * n + a] * (1.0 + (of->own ? LITTLE : SOLVABLE)) + DBL_MIN;
+    if (hada_cholesky_factor(of->sum, of->unknowns))
+        hada_cholesky_solve(of->sum, of->unknowns, x);
+    else
+        memset(x, 0, n * sizeof *x);
+    for (int p = 0; p < work->count; p++) {
+        to->left[p] += as_is[p];
+        for (size_t a = 0; a < n; a++) {
+            to->left[p] -= 2.0 * x[a] * of->right[(size_t)p * n + a];
+            for (size_t b = 0; b < n; b++)
+                to->left[p] += x[a] * x[b] * of->normal[((size_t)p * n + a) * n + b];
+        }
+    }
+    for (size_t a = 0; a < n; a++)
+        to->weight[(a / TERMS * (size_t)work->options.channels + (size_t)channel) * TERMS + a % TERMS] = x[a];
+}
+
+hada_status hada_sample_find_light(hada_sample *work, int own, hada_light *light, hada_error *err)
+{
+    const size_t weights = (size_t)(own ? work->count : 1) * (size_t)work->options.channels * TERMS;
+    equations of = {0};
+    hada_light now = {0};
+    double energy[HADA_SAMPLE_MOST];
+    hada_status status = HADA_OK;
+    *light = (hada_light){.mean = INFINITY};
+    HADA_TRY_OR_DONE(HADA_NEW(light->weight, weights, "light in the frames of pairs", err));
+    HADA_TRY_OR_DONE(HADA_NEW(now.weight, weights, "light in the frames of pairs", err));
+    HADA_TRY_OR_DONE(begin(&of, work, own, err));
+    for (int r = 0; r < work->tried; r++) {
+        now = (hada_light){.weight = now.weight, .response = r};
+        for (int i = 0; i < work->count; i++) {
+            hada_pair_level_put(&work->level, i, work->depth[i], &work->frame[i], &work->scene[i][r]);
+            energy[i] = fmax(work->level.frame_energy[i], DBL_MIN);
+        }
+        for (int c = 0; c < work->options.channels; c++)
+            solve_channel(&of, c, energy, &now);
+        for (int i = 0; i < work->count; i++) {
+            now.left[i] = log(fmax(now.left[i], HADA_LEAST_SHARE * energy[i]));
+            now.mean += now.left[i] / work->count;
+        }
+        if (now.mean < light->mean) {
+            const hada_light before = *light;
+            *light = now;
+            now = before;
+        }
+    }
+done:
+    end(&of);
+    hada_light_free(&now);
+    return status;
+}
+
+void hada_light_free(hada_light *light)
+{
+    free(light->weight);
+    light->weight = NULL;
+}
+
+/* A group of pairs of a depth, from `first` on: their lights, to[pair][channel][TERMS]. `judges`: whether they are
+ * worth it, into *found, and which response the others shall be looked at with. */
+static hada_status find_group(hada_sample *work, int depth, int first, int count, int judges, double *to, int *found,
+                              hada_error *err)
+{
+    hada_light all = {0}, own = {0};
+    hada_status status = HADA_OK;
+    for (int i = 0; i < count; i++)
+        HADA_TRY_OR_DONE(hada_sample_take_pair(work, depth, first + i, err));
+    *found = work->count == count; /* else pairs do not fit */
+    if (!*found)
+        goto done;
+    HADA_TRY_OR_DONE(hada_sample_find_light(work, 1, &own, err));
+    if (judges) {
+        HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, &all, err));
+        *found = all.mean - own.mean > log(OWN_BETTER);
+    }
+    memcpy(to, own.weight, (size_t)count * (size_t)work->options.channels * TERMS * sizeof *to);
+    hada_sample_forget(work);
+    work->response += own.response;
+    work->tried = 1;
+done:
+    hada_sample_forget(work);
+    hada_light_free(&all);
+    hada_light_free(&own);
+    return status;
+}
+
+hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, double **light,
+                                    hada_error *err)
+{
+    static const double responses[] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
+    const hada_dataset_info *info = hada_dataset_get_info(pairs);
+    const size_t each = (size_t)fit->channels * TERMS;
+    hada_sample work = {.options = *fit, .pairs = pairs, .counts = info->counts};
+    int judges = 1, found = fit->mosaic == HADA_MOSAIC_NONE;
+    double *room = NULL;
+    hada_status status = HADA_OK;
+    *light = NULL;
+    work.tried = fit->scene_response == HADA_AUTO ? HADA_COUNT(responses) : 1;
+    work.response = work.tried == 1 ? &fit->scene_response : responses;
+    for (int z = 0; z < info->depths; z++)
+        found = found && info->counts[z] >= OWN_LEAST;
+    if (!found)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(hada_reducer_create(&work.reducer, &work.options, err));
+    HADA_TRY_OR_DONE(hada_pair_level_create(&work.level, work.reducer.grid, fit->channels, TOGETHER, err));
+    HADA_TRY_OR_DONE(HADA_NEW(room, TOGETHER * each, "light in the frames of pairs", err));
+    HADA_TRY_OR_DONE(HADA_NEW(*light, (size_t)pairs->store->pairs * each, "light in the frames of pairs", err));
+    for (int z = 0; z < info->depths && found; z++) {
+        const int count = info->counts[z], groups = (count + TOGETHER - 1) / TOGETHER;
+        for (int g = 0; g < groups && found; g++, judges = 0) {
+            const int first = count * g / groups, in_group = count * (g + 1) / groups - first;
+            HADA_TRY_OR_DONE(find_group(&work, z, first, in_group, judges, room, &found, err));
+            for (int i = 0; i < in_group; i++)
+                memcpy(*light + (size_t)hada_pair_number(pairs, z, first + i) * each, room + (size_t)i * each,
+                       each * sizeof *room);
+        }
+    }
+done:
+    if (status || !found) {
+        free(*light);
+        *light = NULL;
+    }
+    free(room);
+    hada_sample_end(&work);
+    return status;
+}

@@ -9,7 +9,9 @@
 /* Pairs of a depth from which on two are held out, and iterations: fewer than for a model, as only a few settings are
  * compared (docs/explanation/learning-a-camera.md). */
 enum { MANY_PAIRS = 4, PASSES = 9 };
-#define WHY "looks at pairs, for boundary, response and dark level"
+/* Differences of this share of the noise's energy say nothing, for it is not known so well. */
+#define LEAST_OF_NOISE 0.02
+#define WHY            "looks at pairs, for boundary, response and dark level"
 
 /* So that the two edges of a window can still be distinguished. */
 static const double overhangs[HADA_OVERHANGS] = {0.0, 0.25, 0.5, 0.75, 1.0};
@@ -92,16 +94,16 @@ done:
 static double smooth_energy(const float *frame, int rows, int cols)
 {
     enum { TERMS = HADA_SMOOTH_TERMS };
-    double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0}, solution[TERMS], energy = 0.0;
-    for (int r = 0; r < rows; r++)
-        for (int c = 0; c < cols; c++)
-            for (int k = 0; k < TERMS; k++) {
-                const double y = hada_smooth_place(r + 0.5, rows), x = hada_smooth_place(c + 0.5, cols),
-                             term = hada_smooth_term(k, y, x);
-                right[k] += term * (double)frame[(size_t)r * (size_t)cols + (size_t)c];
-                for (int n = 0; n <= k; n++)
-                    normal[k * TERMS + n] += term * hada_smooth_term(n, y, x);
-            }
+    double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0}, term[TERMS], solution[TERMS], energy = 0.0;
+    for (int i = 0; i < rows * cols; i++) {
+        const double y = hada_smooth_place(i / cols + 0.5, rows), x = hada_smooth_place(i % cols + 0.5, cols);
+        for (int k = 0; k < TERMS; k++) {
+            term[k] = hada_smooth_term(k, y, x);
+            right[k] += term[k] * (double)frame[i];
+            for (int n = 0; n <= k; n++)
+                normal[k * TERMS + n] += term[k] * term[n];
+        }
+    }
     memcpy(solution, right, sizeof right);
     if (!hada_cholesky_factor(normal, TERMS))
         return 0.0;
@@ -125,8 +127,10 @@ static hada_status left_sharp(const hada_look *at, int rows, int cols, double *l
     for (int k = 0; k < at->held; k++) {
         hada_pixels_of_image(&pixels, &at->raw[at->count - at->held + k]);
         noise = hada_noise_estimate(&pixels, HADA_MOSAIC_NONE);
-        *left += each[k] - noise * noise * (double)area -
-                 smooth_energy(rest + (size_t)k * area, at->options->raw_rows, at->options->raw_cols);
+        noise *= noise * (double)area;
+        *left += fmax(LEAST_OF_NOISE * noise,
+                      each[k] - noise -
+                          smooth_energy(rest + (size_t)k * area, at->options->raw_rows, at->options->raw_cols));
     }
 done:
     free(rest);

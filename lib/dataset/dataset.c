@@ -704,12 +704,6 @@ void hada_scene_brighten(hada_image *scene, double gain, double response)
     hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
 }
 
-static void decode(hada_image *raw, double encoding)
-{
-    if (encoding != 0.0)
-        hada_response_convert(raw->data, hada_image_count(raw), encoding, HADA_RESPONSE_LINEAR);
-}
-
 /* The raw frame as the pair's own image, which may be changed. */
 static hada_status own_raw(hada_pair *pair, hada_error *err)
 {
@@ -780,7 +774,7 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
     replace_scene(pair, dataset->filled, index);
     if (dataset->encoding != 0.0) {
         HADA_TRY_OR_DONE(own_raw(pair, err));
-        decode(&pair->own.raw, dataset->encoding);
+        hada_response_convert(pair->own.raw.data, hada_image_count(pair->raw), dataset->encoding, HADA_RESPONSE_LINEAR);
     }
     HADA_TRY_OR_DONE(mend(pair, dataset, err));
     if (dataset->light && pair->raw->channels == dataset->light_channels) {
@@ -831,7 +825,8 @@ hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair,
         status = hada_tiff_load_light(store->depth[depth].files[number].raw, 0, store->frame_encoding, image, err);
     }
     HADA_TRY(status);
-    decode(image, dataset->encoding);
+    if (dataset->encoding != 0.0)
+        hada_response_convert(image->data, hada_image_count(image), dataset->encoding, HADA_RESPONSE_LINEAR);
     return HADA_OK;
 }
 

@@ -11,7 +11,7 @@
 #define SURE_WITH_DARK 0.5
 /* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.02 to 0.04, on real
  * pairs that have none and a model that explains them poorly 0.5. The same of light of each frame's own, where smooth
- * surfaces and noise do not count: at most 0.04, and 0.5 and more (perf/results/learning.md). */
+ * surfaces and noise do not count: at most 0.07, and 0.5 and more (perf/results/learning.md). */
 #define LIGHT 0.25
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.14 on simulated cameras,
  * 4 to 1700 where they were linear. */
@@ -306,71 +306,66 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
     return HADA_OK;
 }
 
-/* A few pairs of a depth, whose frames are linear or encoded. */
-typedef struct coding {
-    hada_fit_options options; /* of that depth */
-    hada_context *context;
-    int count;
-    hada_image frame[HADA_LOOK_MOST], scene[HADA_LOOK_MOST];
-} coding;
-
-/* What is left of held-out frames, over their variance. */
-static hada_status share_left(const coding *of, const hada_fit_options *fit, const hada_dataset *few, double *share,
-                              hada_error *err)
+/* The variance of all frames. */
+static hada_status variance_of(const hada_dataset *pairs, double *variance, hada_error *err)
 {
-    double left = 0.0, variance = 0.0;
-    HADA_TRY(left_of(fit, of->context, few, 0, &left, err));
-    for (int i = 0; i < of->count; i++) {
-        const size_t count = hada_image_count(&of->frame[i]);
+    *variance = 0.0;
+    for (int i = 0; i < hada_dataset_get_info(pairs)->counts[0]; i++) {
+        hada_pair pair;
         double sum = 0.0, squares = 0.0;
+        HADA_TRY(hada_pair_take(&pair, pairs, 0, i, err));
+        const size_t count = hada_image_count(pair.raw);
         for (size_t k = 0; k < count; k++) {
-            sum += (double)of->frame[i].data[k];
-            squares += (double)of->frame[i].data[k] * (double)of->frame[i].data[k];
+            sum += (double)pair.raw->data[k];
+            squares += (double)pair.raw->data[k] * (double)pair.raw->data[k];
         }
-        variance += squares - sum * sum / (double)count;
+        *variance += squares - sum * sum / (double)count;
+        hada_pair_return(&pair);
     }
-    *share = left / variance;
     return HADA_OK;
 }
 
-/* The least share, as frames are or without what all hold beside the scenes' light, which encodings make more or less
- * of. */
-static hada_status least_share(const coding *of, int dark, double *share, hada_error *err)
+/* What is left of held-out frames without the dark level or the light that all hold, whichever leaves less; infinite
+ * where neither is found. */
+static hada_status left_dark(const hada_fit_options *callers, hada_context *context, const hada_dataset *pairs,
+                             double *left, hada_error *err)
 {
-    hada_fit_options fit = of->options;
-    hada_dataset *few = NULL, *above = NULL;
+    hada_fit_options fit = *callers;
+    hada_dataset *above = NULL;
     hada_image surface = {0};
-    double other = INFINITY;
+    double with_surface = INFINITY;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_dataset_from_images(&few, 1, fit.distances_mm, &of->count, of->frame, of->scene, err));
-    HADA_TRY_OR_DONE(share_left(of, &fit, few, share, err));
-    if (!dark)
-        goto done;
-    HADA_TRY_OR_DONE(hada_fit_find_dark(&fit, few, &surface, err));
+    *left = INFINITY;
+    HADA_TRY_OR_DONE(hada_fit_find_dark(&fit, pairs, &surface, err));
     if (fit.dark > 0.0)
-        HADA_TRY_OR_DONE(share_left(of, &fit, few, &other, err));
-    *share = fmin(*share, other);
-    if (!surface.data)
-        goto done;
-    fit.dark = 0.0;
-    HADA_TRY_OR_DONE(hada_dataset_mend(&above, few, NULL, &surface, err));
-    HADA_TRY_OR_DONE(share_left(of, &fit, above, &other, err));
-    *share = fmin(*share, other);
+        HADA_TRY_OR_DONE(left_of(&fit, context, pairs, 0, left, err));
+    if (surface.data) {
+        fit.dark = 0.0;
+        HADA_TRY_OR_DONE(hada_dataset_mend(&above, pairs, NULL, &surface, err));
+        HADA_TRY_OR_DONE(left_of(&fit, context, above, 0, &with_surface, err));
+    }
+    *left = fmin(*left, with_surface);
 done:
     hada_dataset_destroy(&above);
-    hada_dataset_destroy(&few);
     hada_image_destroy(&surface);
     return status;
 }
 
-/* Of frames as they are, and decoded. dark: whether light that all hold is looked for. */
-static hada_status compare(coding *of, double encoding, int dark, int *seem, hada_error *err)
+/* Of pairs of one depth whose frames are as they are, and decoded: whether far less is left of these. Encodings make
+ * more or less of what all frames hold beside the scenes' light, so then it is taken off. */
+static hada_status compare(const hada_fit_options *fit, hada_context *context, const hada_dataset *const kinds[2],
+                           int *seem, hada_error *err)
 {
-    double share[2];
+    double share[2], variance[2], dark;
     for (int k = 0; k < 2; k++) {
-        for (int i = 0; i < of->count && k; i++)
-            hada_response_convert(of->frame[i].data, hada_image_count(&of->frame[i]), encoding, HADA_RESPONSE_LINEAR);
-        HADA_TRY(least_share(of, dark, &share[k], err));
+        HADA_TRY(variance_of(kinds[k], &variance[k], err));
+        HADA_TRY(left_of(fit, context, kinds[k], 0, &share[k], err));
+        share[k] /= variance[k];
+    }
+    *seem = share[1] < ENCODED * share[0];
+    for (int k = 0; k < 2 && *seem; k++) {
+        HADA_TRY(left_dark(fit, context, kinds[k], &dark, err));
+        share[k] = fmin(share[k], dark / variance[k]);
     }
     *seem = share[1] < ENCODED * share[0];
     return HADA_OK;
@@ -379,27 +374,28 @@ static hada_status compare(coding *of, double encoding, int dark, int *seem, had
 hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                   double encoding, int *seem, hada_error *err)
 {
-    coding of = {.options = *fit, .context = context};
+    hada_fit_options options = *fit;
+    hada_image frames[HADA_LOOK_MOST] = {{0}}, scenes[HADA_LOOK_MOST] = {{0}};
+    hada_dataset *few = NULL, *decoded = NULL;
     const int depth = hada_look_depth(fit, pairs);
+    const int count = depth < fit->depths ? hada_least(hada_dataset_get_info(pairs)->counts[depth], HADA_LOOK_MOST) : 0;
     hada_status status = HADA_OK;
     *seem = 0;
-    if (depth == fit->depths)
+    if (!count)
         return HADA_OK;
-    of.options.depths = 1;
-    of.options.distances_mm = fit->distances_mm + depth;
-    of.count = hada_least(hada_dataset_get_info(pairs)->counts[depth], HADA_LOOK_MOST);
-    for (int dark = 0; dark < 2 && (!dark || *seem); dark++) {
-        for (int i = 0; i < of.count; i++) {
-            hada_image_destroy(&of.frame[i]);
-            hada_image_destroy(&of.scene[i]);
-            HADA_TRY_OR_DONE(hada_dataset_read(pairs, depth, i, &of.frame[i], &of.scene[i], err));
-        }
-        HADA_TRY_OR_DONE(compare(&of, encoding, dark, seem, err));
-    }
+    options.depths = 1;
+    options.distances_mm = fit->distances_mm + depth;
+    for (int i = 0; i < count; i++)
+        HADA_TRY_OR_DONE(hada_dataset_read(pairs, depth, i, &frames[i], &scenes[i], err));
+    HADA_TRY_OR_DONE(hada_dataset_from_images(&few, 1, options.distances_mm, &count, frames, scenes, err));
+    HADA_TRY_OR_DONE(hada_dataset_decode(&decoded, few, encoding, err));
+    HADA_TRY_OR_DONE(compare(&options, context, (const hada_dataset *const[]){few, decoded}, seem, err));
 done:
-    for (int i = 0; i < of.count; i++) {
-        hada_image_destroy(&of.frame[i]);
-        hada_image_destroy(&of.scene[i]);
+    hada_dataset_destroy(&decoded);
+    hada_dataset_destroy(&few);
+    for (int i = 0; i < count; i++) {
+        hada_image_destroy(&frames[i]);
+        hada_image_destroy(&scenes[i]);
     }
     return status;
 }

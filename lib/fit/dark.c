@@ -9,12 +9,11 @@
 /* Dark levels are tried in so many steps up to the darkest place of all frames, then between the best one's neighbours;
  * below LEAST_DARK of full scale none is looked for. A level must leave less of the frames by this factor,
  * surely (perf/results/learning.md). */
-enum { LEVELS = 6, SECTIONS = 10, RESPONSES = 3 };
+enum { LEVELS = 6, SECTIONS = 10 };
 #define LEAST_DARK  1e-3
 #define DARK_BETTER 1.5
 /* A surface must leave less by this factor; whether it is right, confirm.c says. */
 #define SURFACE_BETTER 1.2
-static const double responses[RESPONSES] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
 
 /* Of Gaussian noise one value in a hundred is so many standard deviations below the mean. */
 #define FIRST_PERCENTILE 2.326
@@ -140,8 +139,7 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
     if (work.count < HADA_SAMPLE_LEAST || (most < LEAST_DARK && !found))
         goto done;
     hada_sample_forget(&work);
-    work.tried = options->scene_response == HADA_AUTO ? RESPONSES : 1;
-    work.response = work.tried == 1 ? &options->scene_response : responses;
+    hada_sample_try_responses(&work);
     HADA_TRY_OR_DONE(hada_sample_take(&work, err));
     none = level = try_level(&work, 0.0);
     if (most >= LEAST_DARK)

@@ -2,7 +2,6 @@
  * for each. What is left of a pair when the others of its depth predict it is linear in these surfaces, so they follow
  * from least squares, each pair by its energy. */
 #include <float.h>
-#include <hadalens/response.h>
 
 #include "core/numbers.h"
 #include "fit/fitter.h"
@@ -29,6 +28,7 @@ typedef struct equations {
     float *left;            /* [1 + unknowns][plane] complex: of a pair, as it is and if an unknown showed */
     double *normal, *right; /* of each pair, [pair][unknowns][unknowns] and [pair][unknowns] */
     double *sum, *solution; /* of all */
+    double energy[HADA_SAMPLE_MOST], rest[HADA_SAMPLE_MOST]; /* of each pair's frame, and what is left of that */
 } equations;
 
 /* Where row i of the reduced frame lies on the sensor. */
@@ -101,25 +101,25 @@ static void leave(equations *of, int pair, int channel)
 }
 
 /* The weights of a channel, [set][channel][term]. Adds what is left of each pair. */
-static void solve_channel(equations *of, int channel, const double *energy, hada_light *to)
+static void solve_channel(equations *of, int channel, double *weight)
 {
     hada_sample *work = of->work;
     const hada_pair_level *level = &work->level;
     const size_t n = (size_t)of->unknowns, plane = 2 * level->plane;
-    double as_is[HADA_SAMPLE_MOST] = {0.0}, *x = of->solution;
+    double *x = of->solution;
     memset(of->sum, 0, n * n * sizeof *of->sum);
     memset(x, 0, n * sizeof *x);
     for (int p = 0; p < work->count; p++) {
         double *normal = of->normal + (size_t)p * n * n, *right = of->right + (size_t)p * n;
         leave(of, p, channel);
-        as_is[p] = hada_pair_level_product(level, of->left, of->left);
+        of->rest[p] += hada_pair_level_product(level, of->left, of->left);
         for (size_t a = 0; a < n; a++) {
             const float *at = of->left + (1 + a) * plane;
             right[a] = hada_pair_level_product(level, at, of->left);
-            x[a] += right[a] / energy[p];
+            x[a] += right[a] / of->energy[p];
             for (size_t b = 0; b <= a; b++) {
                 normal[a * n + b] = normal[b * n + a] = hada_pair_level_product(level, at, of->left + (1 + b) * plane);
-                of->sum[a * n + b] += normal[a * n + b] / energy[p];
+                of->sum[a * n + b] += normal[a * n + b] / of->energy[p];
             }
         }
     }
@@ -129,16 +129,14 @@ static void solve_channel(equations *of, int channel, const double *energy, hada
         hada_cholesky_solve(of->sum, of->unknowns, x);
     else
         memset(x, 0, n * sizeof *x);
-    for (int p = 0; p < work->count; p++) {
-        to->left[p] += as_is[p];
+    for (int p = 0; p < work->count; p++)
         for (size_t a = 0; a < n; a++) {
-            to->left[p] -= 2.0 * x[a] * of->right[(size_t)p * n + a];
+            of->rest[p] -= 2.0 * x[a] * of->right[(size_t)p * n + a];
             for (size_t b = 0; b < n; b++)
-                to->left[p] += x[a] * x[b] * of->normal[((size_t)p * n + a) * n + b];
+                of->rest[p] += x[a] * x[b] * of->normal[((size_t)p * n + a) * n + b];
         }
-    }
     for (size_t a = 0; a < n; a++)
-        to->weight[(a / TERMS * (size_t)work->options.channels + (size_t)channel) * TERMS + a % TERMS] = x[a];
+        weight[(a / TERMS * (size_t)work->options.channels + (size_t)channel) * TERMS + a % TERMS] = x[a];
 }
 
 hada_status hada_sample_find_light(hada_sample *work, int own, hada_light *light, hada_error *err)
@@ -146,7 +144,6 @@ hada_status hada_sample_find_light(hada_sample *work, int own, hada_light *light
     const size_t weights = (size_t)(own ? work->count : 1) * (size_t)work->options.channels * TERMS;
     equations of = {0};
     hada_light now = {0};
-    double energy[HADA_SAMPLE_MOST];
     hada_status status = HADA_OK;
     *light = (hada_light){.mean = INFINITY};
     HADA_TRY_OR_DONE(HADA_NEW(light->weight, weights, "light in the frames of pairs", err));
@@ -156,14 +153,13 @@ hada_status hada_sample_find_light(hada_sample *work, int own, hada_light *light
         now = (hada_light){.weight = now.weight, .response = r};
         for (int i = 0; i < work->count; i++) {
             hada_pair_level_put(&work->level, i, work->depth[i], &work->frame[i], &work->scene[i][r]);
-            energy[i] = fmax(work->level.frame_energy[i], DBL_MIN);
+            of.energy[i] = fmax(work->level.frame_energy[i], DBL_MIN);
+            of.rest[i] = 0.0;
         }
         for (int c = 0; c < work->options.channels; c++)
-            solve_channel(&of, c, energy, &now);
-        for (int i = 0; i < work->count; i++) {
-            now.left[i] = log(fmax(now.left[i], HADA_LEAST_SHARE * energy[i]));
-            now.mean += now.left[i] / work->count;
-        }
+            solve_channel(&of, c, now.weight);
+        for (int i = 0; i < work->count; i++)
+            now.mean += log(fmax(of.rest[i], HADA_LEAST_SHARE * of.energy[i])) / work->count;
         if (now.mean < light->mean) {
             const hada_light before = *light;
             *light = now;
@@ -213,7 +209,6 @@ done:
 hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, double **light,
                                     hada_error *err)
 {
-    static const double responses[] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
     const size_t each = (size_t)fit->channels * TERMS;
     hada_sample work = {.options = *fit, .pairs = pairs, .counts = info->counts};
@@ -221,8 +216,7 @@ hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_data
     double *room = NULL;
     hada_status status = HADA_OK;
     *light = NULL;
-    work.tried = fit->scene_response == HADA_AUTO ? HADA_COUNT(responses) : 1;
-    work.response = work.tried == 1 ? &fit->scene_response : responses;
+    hada_sample_try_responses(&work);
     for (int z = 0; z < info->depths; z++)
         found = found && info->counts[z] >= OWN_LEAST;
     if (!found)

@@ -269,9 +269,13 @@ void hada_pair_level_shares(hada_pair_level *level, int pair, int channel, float
 
 double hada_pair_level_product(const hada_pair_level *level, const float *a, const float *b)
 {
+    const size_t size = (size_t)level->fft.size;
     double sum = 0.0;
-    for (size_t i = 0; i < level->plane; i++)
-        sum += weight_of(level, i) * ((double)a[2 * i] * b[2 * i] + (double)a[2 * i + 1] * b[2 * i + 1]);
+    for (size_t first = 0; first < level->plane; first += size) {
+        const double weight = weight_of(level, first); /* the same for all of a kx */
+        for (size_t i = first; i < first + size; i++)
+            sum += weight * ((double)a[2 * i] * b[2 * i] + (double)a[2 * i + 1] * b[2 * i + 1]);
+    }
     return sum;
 }
 

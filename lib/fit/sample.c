@@ -1,6 +1,7 @@
 #include "fit/sample.h"
 
 #include <hadalens/pixels.h>
+#include <hadalens/response.h>
 
 #include "fit/fitter.h"
 #include "image/statistics.h"
@@ -33,6 +34,14 @@ hada_status hada_sample_take_pair(hada_sample *work, int depth, int pair, hada_e
 done:
     hada_pair_return(&taken);
     return status;
+}
+
+void hada_sample_try_responses(hada_sample *work)
+{
+    static const double few[] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
+    const int open = work->options.scene_response == HADA_AUTO;
+    work->tried = open ? HADA_COUNT(few) : 1;
+    work->response = open ? few : &work->options.scene_response;
 }
 
 void hada_sample_forget(hada_sample *work)

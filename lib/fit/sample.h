@@ -38,6 +38,9 @@ typedef struct hada_sample {
 hada_status hada_sample_begin(hada_sample *sample, hada_error *err);
 void hada_sample_end(hada_sample *sample);
 
+/* Scenes are taken in the response of the options, or in a few where that is open. */
+void hada_sample_try_responses(hada_sample *sample);
+
 /* Up to HADA_SAMPLE_EACH pairs, evenly spread, of the depths that are looked at; or one, with its number. */
 hada_status hada_sample_take(hada_sample *sample, hada_error *err);
 hada_status hada_sample_take_pair(hada_sample *sample, int depth, int pair, hada_error *err);
@@ -48,11 +51,11 @@ void hada_sample_compare(hada_sample *sample);
 
 /* Light in the frames that comes from no scene, a smooth surface in each channel: one for all, or (own) one for each
  * pair; weight: [1 or pair][channel][HADA_SMOOTH_TERMS]. It is that which leaves least of the pairs, each compared with
- * the others of its depth, with the response (its number) that leaves least: logarithms of what is left of each. */
+ * the others of its depth, with the response (its number) that leaves least: the mean logarithm of what is left. */
 typedef struct hada_light {
     double *weight;
     int response;
-    double left[HADA_SAMPLE_MOST], mean;
+    double mean;
 } hada_light;
 hada_status hada_sample_find_light(hada_sample *sample, int own, hada_light *light, hada_error *err);
 void hada_light_free(hada_light *light);

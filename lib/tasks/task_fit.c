@@ -353,23 +353,27 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
     return HADA_OK;
 }
 
-/* Whether they seem to be encoded for displays, and can be decoded: nothing was given for them as they are. */
-static hada_status seem_encoded(const hada_dataset *data, hada_context *context, const hada_fit_options *fit,
-                                const hada_communicator *ranks, int *encoded, int *decodes, hada_error *err)
+/* Finds whether raw frames are encoded for displays, for `fit`. *encoded: they seem to be, and stay so, for something
+ * was given for them as they are. */
+static hada_status find_encoding(const hada_dataset *data, hada_context *context, hada_fit_options *fit,
+                                 const hada_communicator *ranks, int *encoded, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(data);
     HADA_TRY(hada_fit_seem_encoded(fit, context, data, HADA_RESPONSE_SRGB, encoded, err));
     HADA_TRY(hada_broadcast(ranks, 0, encoded, sizeof *encoded, err));
-    *decodes = *encoded && !info->flat && !info->dark_frame && info->downsample < 2 && !(fit->dark > 0.0);
-    if (*decodes)
-        hada_monitor_tell(
-            fit->monitor, HADA_MESSAGE_NOTE,
-            "raw frames are encoded for displays: taken for sRGB, they are explained far better. They are "
-            "decoded, as new frames will be whose files say nothing else (options.frame_encoding)");
-    else if (*encoded)
+    if (!*encoded)
+        return HADA_OK;
+    if (info->flat || info->dark_frame || info->downsample > 1 || fit->dark > 0.0) {
         hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
                           "raw frames seem to be encoded for displays: taken for sRGB, they are explained far better; "
                           "say so (options.frame_encoding), with a dark level, dark and flat frames in linear light");
+        return HADA_OK;
+    }
+    hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
+                      "raw frames are encoded for displays: taken for sRGB, they are explained far better. They are "
+                      "decoded, as new frames will be whose files say nothing else (options.frame_encoding)");
+    fit->frame_encoding = HADA_RESPONSE_SRGB;
+    *encoded = 0;
     return HADA_OK;
 }
 
@@ -380,7 +384,7 @@ hada_status hada_fit_decode(hada_mended *mended, const hada_dataset **data, hada
     const double encoding = (*data)->store->frame_encoding;
     hada_tiff_reader *reader = NULL;
     hada_pixels frame = {0};
-    int z = 0, decodes;
+    int z = 0;
     hada_status status = HADA_OK;
     *encoded = 0;
     if (fit->frame_encoding == HADA_AUTO)
@@ -396,15 +400,12 @@ hada_status hada_fit_decode(hada_mended *mended, const hada_dataset **data, hada
     const hada_tiff_info *file = hada_tiff_get_info(reader);
     if (encoding != HADA_AUTO || file->encoding != 0.0 || file->is_float)
         goto done;
-    decodes = fit->frame_encoding != HADA_AUTO && fit->frame_encoding != HADA_RESPONSE_LINEAR;
     if (fit->frame_encoding == HADA_AUTO)
-        HADA_TRY_OR_DONE(seem_encoded(*data, context, fit, ranks, encoded, &decodes, err));
-    if (!decodes)
-        goto done;
-    fit->frame_encoding = fit->frame_encoding == HADA_AUTO ? HADA_RESPONSE_SRGB : fit->frame_encoding;
-    HADA_TRY_OR_DONE(hada_dataset_decode(&mended->linear, *data, fit->frame_encoding, err));
-    *data = mended->linear;
-    *encoded = 0;
+        HADA_TRY_OR_DONE(find_encoding(*data, context, fit, ranks, encoded, err));
+    if (fit->frame_encoding != HADA_AUTO && fit->frame_encoding != HADA_RESPONSE_LINEAR) {
+        HADA_TRY_OR_DONE(hada_dataset_decode(&mended->linear, *data, fit->frame_encoding, err));
+        *data = mended->linear;
+    }
 done:
     free((void *)frame.data);
     hada_tiff_close(&reader);

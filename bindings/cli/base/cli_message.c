@@ -164,10 +164,10 @@ void hada_cli_translate(char *text)
         size_t length = 0;
         if (!strncmp(from, mark, sizeof mark - 1))
             own = spell(name, &length);
-        if (!strncmp(from, header, sizeof header - 1)) {
-            to = stpcpy(to, "--register");
-            from += sizeof header - 1;
-            continue;
+        else if (!strncmp(from, header, sizeof header - 1)) {
+            name = from;
+            own = "--register";
+            length = sizeof header - 1;
         }
         if (!length) {
             *to++ = *from++;

@@ -142,7 +142,7 @@ hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, con
 hada_status hada_dataset_unlit(hada_dataset **out, const hada_dataset *from, const double *light, int channels,
                                hada_error *err);
 
-/* The same pairs, whose raw frames stand for light in this way (hadalens/response.h) and are made linear. */
+/* The same pairs; their raw frames have this encoding (hadalens/response.h) and are given out in linear light. */
 hada_status hada_dataset_decode(hada_dataset **out, const hada_dataset *from, double encoding, hada_error *err);
 
 /* Makes a scene so many times as bright in linear light, in its own encoding. */

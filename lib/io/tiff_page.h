@@ -87,8 +87,7 @@ hada_status hada_tiff_read_light(hada_tiff_reader *reader, int index, double enc
                                  hada_error *err);
 hada_status hada_tiff_load_light(const char *path, int index, double encoding, hada_image *image, hada_error *err);
 
-/* The values of a frame are taken to stand for light in this way where its file says nothing and they are whole
- * numbers; 0: nothing is known. */
+/* Sets the encoding of a file of whole numbers that does not state one; 0: leaves it open. */
 void hada_tiff_presume(hada_tiff_reader *reader, double encoding);
 
 #endif

@@ -45,7 +45,7 @@ typedef struct hada_stream {
 hada_status hada_frames_check(const hada_plan *plan, const hada_model *model, const hada_tiff_info *info,
                               hada_error *err);
 
-/* Opens a file of such frames, which stand for light as those that the model was learned from where it says nothing. */
+/* Opens a file of such frames. Where it does not state their encoding, it is the model's. */
 hada_status hada_frames_open(hada_tiff_reader **reader, const char *path, const hada_plan *plan,
                              const hada_model *model, hada_error *err);
 

@@ -85,8 +85,8 @@ typedef struct hada_model_info {
     double colour_matrix[9];      /* channel c of the sensor sees colour_matrix[3 c + k] of what channel k of the scenes
                                      makes, in linear light; frames are multiplied by its inverse before anything else.
                                      All 0: they see the same colours */
-    double frame_encoding; /* how values of the frames' files stand for light (hadalens/response.h) where these are
-                              whole numbers and the file says nothing; 0: linear */
+    double frame_encoding;        /* the encoding of frames in files of whole numbers that do not state one
+                                     (hadalens/response.h); 0: linear */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

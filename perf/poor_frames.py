@@ -37,6 +37,7 @@ parser.add_argument("others", type=pathlib.Path)
 parser.add_argument("--kinds", default="none,hot,room,rooms,srgb,eight,level,black,exposures,rows,gains,white,corners")
 parser.add_argument("--first", type=int, default=900, help="seed of the first camera")
 parser.add_argument("--frames", action="store_true")
+parser.add_argument("--mosaic", action="store_true")
 o = parser.parse_args()
 
 
@@ -78,6 +79,11 @@ def spoil(kind, frame, chance):
     return frame.astype(np.float32)
 
 
+def mosaic(frame):
+    rows, cols = np.mgrid[: frame.shape[0], : frame.shape[1]] % 2
+    return np.take_along_axis(frame, (rows + cols)[..., None], 2)[..., 0]
+
+
 def measure(camera, kind, folder):
     poor = folder / kind
     shutil.copytree(camera, poor)
@@ -87,9 +93,10 @@ def measure(camera, kind, folder):
     for raw in raws:
         sound = o.frames and raw.parent.parent.name != "test"
         frame = spoil("none" if sound else kind, tifffile.imread(raw) / brightest * WHITE, chance)
+        frame = mosaic(frame) if o.mosaic else frame
         tifffile.imwrite(raw, frame, photometric="rgb" if frame.ndim == 3 else "minisblack")
     model, out = folder / f"{kind}.model", folder / f"{kind}.out"
-    run(o.hadalens, "fit", poor, "-o", model, "-q")
+    run(o.hadalens, "fit", poor, "-o", model, "-q", *(["--bayer", "rggb"] if o.mosaic else []))
     try:
         run(o.hadalens, "reconstruct", *sorted((poor / "test/raw").iterdir()), "-m", model, "-o", out, "--no-preview", "-q")
     except SystemExit:  # a frame whose planes came out black
@@ -101,6 +108,7 @@ def measure(camera, kind, folder):
 kinds = o.kinds.split(",")
 print("| camera | " + " | ".join(kinds) + " |\n|" + "---|" * (len(kinds) + 1))
 for number, (preset, mask, noise, scenes, pairs, occupied, depths, channels) in enumerate(CAMERAS):
+    channels = 3 if o.mosaic else channels
     with tempfile.TemporaryDirectory() as name:
         camera = pathlib.Path(name) / "camera"
         run(o.hadalens, "simulate", "-o", camera, "--preset", preset, "--mask", mask, "--size", "200x260", "--noise", noise,

@@ -777,14 +777,14 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         hada_response_convert(pair->own.raw.data, hada_image_count(pair->raw), dataset->encoding, HADA_RESPONSE_LINEAR);
     }
     HADA_TRY_OR_DONE(mend(pair, dataset, err));
+    if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
+        hada_pair_name(dataset, depth, number, err);
+        goto done;
+    }
     if (dataset->light && pair->raw->channels == dataset->light_channels) {
         HADA_TRY_OR_DONE(own_raw(pair, err));
         hada_smooth_add(dataset->light + (size_t)(index * dataset->light_channels) * HADA_SMOOTH_TERMS, -1.0,
                         &pair->own.raw);
-    }
-    if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
-        hada_pair_name(dataset, depth, number, err);
-        goto done;
     }
     if (hada_colours_known(dataset->unmix) && pair->raw->channels == HADA_COLOURS) {
         HADA_TRY_OR_DONE(own_raw(pair, err));

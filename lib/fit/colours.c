@@ -189,7 +189,7 @@ hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *con
     hada_status status = HADA_OK;
     *found = 0;
     of.blocks = fit->raw_rows / BLOCK * (fit->raw_cols / BLOCK);
-    if (fit->channels != HADA_COLOURS || fit->mosaic != HADA_MOSAIC_NONE || depth == fit->depths || !of.blocks)
+    if (fit->channels != HADA_COLOURS || depth == fit->depths || !of.blocks)
         return HADA_OK;
     one.depths = 1;
     one.distances_mm = fit->distances_mm + depth;

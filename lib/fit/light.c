@@ -212,7 +212,7 @@ hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_data
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
     const size_t each = (size_t)fit->channels * TERMS;
     hada_sample work = {.options = *fit, .pairs = pairs, .counts = info->counts};
-    int judges = 1, found = fit->mosaic == HADA_MOSAIC_NONE;
+    int judges = 1, found = 1;
     double *room = NULL;
     hada_status status = HADA_OK;
     *light = NULL;

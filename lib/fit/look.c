@@ -113,11 +113,33 @@ static double smooth_energy(const float *frame, int rows, int cols)
     return energy;
 }
 
+/* The noise's energy in a channel of a frame. Of a mosaic: where colours were filled in by means of neighbours, it is a
+ * half or a quarter of what it is at the channel's own pixels, which are rows x cols / 2 or half as many. */
+static hada_status noise_energy(const hada_look *at, const hada_image *frame, double *energy, hada_error *err)
+{
+    const int channel = at->channel ? at->channel - 1 : at->options->channels / 2, green = channel == 1;
+    const hada_mosaic mosaic = at->options->mosaic;
+    hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
+    hada_image own = {0};
+    double share = 1.0;
+    hada_pixels_of_image(&pixels, frame);
+    if (mosaic != HADA_MOSAIC_NONE) {
+        HADA_TRY(hada_image_create(&own, 1, frame->rows, frame->cols, err));
+        own.cols = frame->cols / 2;
+        own.rows = (int)hada_mosaic_own(mosaic, channel, frame->data, frame->rows, frame->cols, own.data) / own.cols;
+        hada_pixels_of_image(&pixels, &own);
+        share = green ? 5.0 / 8.0 : 9.0 / 16.0;
+    }
+    const double noise = hada_noise_estimate(&pixels, HADA_MOSAIC_NONE);
+    *energy = share * noise * noise * (double)frame->rows * (double)frame->cols;
+    hada_image_destroy(&own);
+    return HADA_OK;
+}
+
 /* What is left of held-out frames but for smooth surfaces and noise: what other light cannot explain. */
 static hada_status left_sharp(const hada_look *at, int rows, int cols, double *left, hada_error *err)
 {
     const size_t area = (size_t)at->options->raw_rows * (size_t)at->options->raw_cols;
-    hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
     double each[HADA_LOOK_HELD], noise;
     float *rest = NULL;
     hada_status status = HADA_OK;
@@ -125,9 +147,7 @@ static hada_status left_sharp(const hada_look *at, int rows, int cols, double *l
     HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, at->held_out, each, NULL, rest, err));
     *left = 0.0;
     for (int k = 0; k < at->held; k++) {
-        hada_pixels_of_image(&pixels, &at->raw[at->count - at->held + k]);
-        noise = hada_noise_estimate(&pixels, HADA_MOSAIC_NONE);
-        noise *= noise * (double)area;
+        HADA_TRY_OR_DONE(noise_energy(at, &at->raw[at->count - at->held + k], &noise, err));
         *left += fmax(LEAST_OF_NOISE * noise,
                       each[k] - noise -
                           smooth_energy(rest + (size_t)k * area, at->options->raw_rows, at->options->raw_cols));

@@ -143,14 +143,11 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
         return hada_fail(err, HADA_ERROR_MODEL, "the encoding of the model's frames, %g, is none (hadalens/response.h)",
                          info->frame_encoding);
     if (hada_colours_known(info->colour_matrix) &&
-        (info->channels != HADA_COLOURS || info->mosaic != HADA_MOSAIC_NONE ||
-         !hada_colours_usable(info->colour_matrix)))
-        return hada_fail(
-            err, HADA_ERROR_MODEL,
-            "a colour matrix is for cameras of three channels without a colour filter mosaic, and its numbers "
-            "and those of its inverse are at most 10; this one begins with %g, and the camera has %d "
-            "channel(s)%s",
-            info->colour_matrix[0], info->channels, info->mosaic ? " and a mosaic" : "");
+        (info->channels != HADA_COLOURS || !hada_colours_usable(info->colour_matrix)))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "a colour matrix is for cameras of three channels, and its numbers and those of its inverse "
+                         "are at most 10; this one begins with %g, and the camera has %d channel(s)",
+                         info->colour_matrix[0], info->channels);
     if (info->mosaic != HADA_MOSAIC_NONE && !hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic))
         return hada_fail(err, HADA_ERROR_MODEL, "the model's colour filter mosaic, %d, is none", (int)info->mosaic);
     if (info->mosaic != HADA_MOSAIC_NONE && info->channels != 3)

@@ -291,10 +291,9 @@ static int all_below(const hada_frame_exposure *exposure, double level)
     return 1;
 }
 
-/* The energy of a mosaic, whether its other colours are filled in or not. */
+/* The energy of a mosaic whose other colours are filled in. */
 static double mosaic_energy(const hada_frame_exposure *exposure)
 {
-    const int filled = exposure->own.channels > 1;
     const float *dark = exposure->dark_frame;
     const size_t plane = plane_of(exposure);
     double sums[HADA_MOSAIC_COLOURS] = {0.0}, energy = 0.0;
@@ -302,7 +301,7 @@ static double mosaic_energy(const hada_frame_exposure *exposure)
     for (size_t i = 0; i < plane; i++) {
         const int c = channel_of(exposure, i);
         const size_t at = (size_t)c * plane + i;
-        const double value = exposure->own.data[filled ? at : i] - exposure->levels[c] - (dark ? dark[at] : 0.0f);
+        const double value = exposure->own.data[at] - exposure->levels[c] - (dark ? dark[at] : 0.0f);
         sums[c] += value * value;
         counts[c]++;
     }
@@ -394,12 +393,6 @@ static hada_status begin(hada_frame_exposure *exposure, const hada_frame_kind *k
     HADA_TRY(hada_frame_check_size(info, kind, pixels->channels, pixels->rows, pixels->cols, err));
     HADA_TRY(hada_frame_bin(pixels, &exposure->binned, info, kind, err));
     exposure->mosaic = mosaic_of(info, kind->mosaic, pixels->channels);
-    if (exposure->mosaic != HADA_MOSAIC_NONE && hada_colours_known(info->colour_matrix))
-        return hada_fail(
-            err, HADA_ERROR_MODEL,
-            "the model %s has a colour matrix, which is for frames whose pixels hold all colours: this frame "
-            "is a colour filter mosaic",
-            info->name);
     if (exposure->mosaic != HADA_MOSAIC_NONE && (pixels->rows < 2 || pixels->cols < 2))
         return hada_fail(err, HADA_ERROR_MODEL, "a colour filter mosaic has at least 2 x 2 pixels");
     exposure->pixels = *pixels;
@@ -469,6 +462,8 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
             rule->dark);
     if (rule->flat)
         HADA_TRY(divide(exposure, rule, err));
+    if (mosaic)
+        HADA_TRY(fill(exposure, err));
     if (has_matrix(exposure))
         HADA_TRY(unmix(exposure, err));
     exposure->energy = 0.0;
@@ -476,7 +471,7 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
         exposure->energy = sum_of(&look);
     else if (rule->energy)
         measure(exposure);
-    return mosaic ? fill(exposure, err) : HADA_OK;
+    return HADA_OK;
 }
 
 hada_status hada_exposure_subtract(hada_frame_exposure *exposure, const double *weight, hada_error *err)
@@ -505,11 +500,35 @@ static float weight_of(const hada_frame_exposure *exposure, size_t i, float valu
     return !isfinite(value) ? 0.0f : exposure->saturated && value == exposure->brightest ? -weight : weight;
 }
 
-/* Pixels of which a channel says nothing, or only a bound, say nothing once colours are mixed; else the least counts.
- * Returns how many values are above 0. */
-static size_t weigh_together(float *weights, size_t plane)
+/* In a mosaic, pixels beside saturated ones say nothing once colours are mixed. */
+static size_t weigh_neighbours(const hada_frame_exposure *exposure, float *weights)
 {
+    const int rows = exposure->came.rows, cols = exposure->came.cols;
+    const size_t plane = plane_of(exposure);
     size_t good = 0;
+    for (size_t i = 0; i < plane; i++) {
+        const int row = (int)(i / (size_t)cols), col = (int)(i % (size_t)cols);
+        float *own = &weights[value_of(exposure, i)];
+        for (int r = hada_most(row - 1, 0); r <= hada_least(row + 1, rows - 1); r++)
+            for (int c = hada_most(col - 1, 0); c <= hada_least(col + 1, cols - 1); c++) {
+                const float beside = weights[value_of(exposure, (size_t)r * (size_t)cols + (size_t)c)];
+                *own = beside < 0.0F && *own > 0.0F ? 0.0F : *own;
+            }
+        good += *own > 0.0F;
+    }
+    for (size_t k = 0; k < hada_exposure_count(exposure); k++)
+        weights[k] = fmaxf(weights[k], 0.0F);
+    return good;
+}
+
+/* Pixels of which a channel says nothing, or only a bound, say nothing once colours are mixed; else the least counts.
+ * In a mosaic, a pixel's other colours are those of its neighbours. Returns how many values are above 0. */
+static size_t weigh_together(const hada_frame_exposure *exposure, float *weights)
+{
+    const size_t plane = plane_of(exposure);
+    size_t good = 0;
+    if (exposure->mosaic != HADA_MOSAIC_NONE)
+        return weigh_neighbours(exposure, weights);
     for (size_t i = 0; i < plane; i++) {
         const float least = fmaxf(fminf(fminf(weights[i], weights[plane + i]), weights[2 * plane + i]), 0.0F);
         for (size_t c = 0; c < HADA_COLOURS; c++)
@@ -544,7 +563,7 @@ size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
         good -= *to > 0.0f;
         *to = 0.0f;
     }
-    return has_matrix(exposure) ? weigh_together(weights, plane) : good;
+    return has_matrix(exposure) ? weigh_together(exposure, weights) : good;
 }
 
 double hada_exposure_noise(const hada_frame_exposure *exposure)

@@ -3,6 +3,7 @@
 #ifndef HADA_TESTS_CAMERA_SMALL_H
 #define HADA_TESTS_CAMERA_SMALL_H
 
+#include "image/pixels.h"
 #include "ref/ref_convolve.h"
 #include "testing.h"
 
@@ -29,6 +30,18 @@ static inline hada_image small_psf(int channels, int rows, int cols, int spots, 
             to[i] = (float)(to[i] / total);
     }
     return psf;
+}
+
+/* Means of neighbours, several times, so that there is no detail as fine as a mosaic. The border stays. */
+static inline void small_soften(hada_image *image)
+{
+    for (int pass = 0; pass < 6; pass++) {
+        SCOPED(hada_image) before = {0};
+        const size_t cols = (size_t)image->cols, step = pass & 1 ? cols : 1;
+        ASSERT_OK(hada_image_copy(&before, image, err));
+        for (size_t i = cols; i < hada_image_count(image) - cols; i++)
+            image->data[i] = 0.5f * before.data[i] + 0.25f * (before.data[i - step] + before.data[i + step]);
+    }
 }
 
 static inline hada_image small_scene(int channels, int rows, int cols, uint64_t seed)

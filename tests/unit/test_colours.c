@@ -6,6 +6,7 @@
 #include "device_fixture.h"
 #include "fit/fit_sums.h"
 #include "image/colour_matrix.h"
+#include "image/mosaic.h"
 #include "model/model.h"
 
 enum { ROWS = 72, COLS = 96, WINDOW = 40, CHANNELS = 3, PAIRS = 4, AREA = ROWS * COLS };
@@ -17,15 +18,19 @@ typedef struct pairs {
     hada_image psf, frame[PAIRS], scene[PAIRS];
 } pairs;
 
-/* m NULL: the sensor has the colours of the scenes. */
-static void make_pairs(pairs *set, const double *m, double response, int grey)
+/* m NULL: the sensor has the colours of the scenes. mosaic: frames that suit one; what it keeps is keep_mosaic(). */
+static void make_pairs(pairs *set, const double *m, double response, int grey, int mosaic)
 {
     set->psf = small_psf(CHANNELS, ROWS, COLS, 9, 5);
+    if (mosaic)
+        small_soften(&set->psf);
     for (int i = 0; i < PAIRS; i++) {
         hada_image *frame = &set->frame[i], *scene = &set->scene[i];
         ASSERT_OK(hada_scene_procedural(scene, 70 + (uint64_t)i, CHANNELS, WINDOW, WINDOW, err));
         for (size_t k = 0; grey && k < hada_image_count(scene); k++)
             scene->data[k] = scene->data[k % (WINDOW * WINDOW)];
+        for (size_t k = 0; mosaic && k < (size_t)WINDOW * WINDOW; k++) /* many colours */
+            scene->data[WINDOW * WINDOW + k] = scene->data[WINDOW * WINDOW - 1 - k];
         *frame = small_frame(&set->psf, scene, 1, 0.0, (uint64_t)i);
         if (m)
             hada_colours_mix(frame->data, AREA, m);
@@ -44,11 +49,28 @@ static void free_pairs(pairs *set)
     destroy_images(set->scene, PAIRS);
 }
 
+static hada_status read_pair(void *user, int depth, int i, hada_image *frame, hada_image *scene, hada_error *error)
+{
+    const pairs *set = user;
+    (void)depth;
+    HADA_TRY(hada_image_copy(frame, &set->frame[i], error));
+    return hada_image_copy(scene, &set->scene[i], error);
+}
+
+/* What a sensor with a colour filter mosaic keeps of a frame. */
+static void keep_mosaic(hada_image *frame)
+{
+    hada_mosaic_take(HADA_MOSAIC_GRBG, frame->data, ROWS, COLS, frame->data);
+    frame->channels = 1;
+}
+
 static hada_dataset *data_of(pairs *set)
 {
     static const int count = PAIRS;
     hada_dataset *data;
-    ASSERT_OK(hada_dataset_from_images(&data, 1, &distance, &count, set->frame, set->scene, err));
+    DEFAULTS(hada_dataset_options, how);
+    how.mosaic = set->frame[0].channels == 1 ? HADA_MOSAIC_GRBG : HADA_MOSAIC_NONE;
+    ASSERT_OK(hada_dataset_create(&data, 1, &distance, &count, read_pair, set, &how, err));
     return data;
 }
 
@@ -89,18 +111,20 @@ TEST(matrices_are_inverted)
     assert_true(fabsf(planes[4] - (float)(0.05 * 1 + 0.25 * 3 + 0.7 * 5)) < 1e-6f);
 }
 
-/* By linear and by encoded scenes, and with exposures that differ besides; none of frames that are not mixed, or whose
- * scenes are grey, or where nobody shall look. */
+/* By linear and by encoded scenes, with exposures that differ besides, and by mosaics; none of frames that are not
+ * mixed, or whose scenes are grey, or where nobody shall look. */
 TEST(mixed_colours_are_found)
 {
     static const double none[HADA_COLOUR_MATRIX] = {0.0};
-    for (int k = 0; k < 6; k++) {
-        const int mixes = k != 3, found = k < 3;
+    for (int k = 0; k < 8; k++) {
+        const int mixes = k != 3 && k != 7, found = k < 3 || k == 6;
         DEFAULTS(hada_fit_options, fit);
         pairs set;
-        make_pairs(&set, mixes ? mixing : NULL, k == 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, k == 4);
+        make_pairs(&set, mixes ? mixing : NULL, k == 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, k == 4, k >= 6);
         for (size_t i = 0; k == 2 && i < hada_image_count(&set.frame[1]); i++)
             set.frame[1].data[i] *= 0.6f;
+        for (int i = 0; k >= 6 && i < PAIRS; i++)
+            keep_mosaic(&set.frame[i]);
         fit.find_colours = k != 5;
         SCOPED(hada_model) *model = learn(&set, &fit);
         const double off = farthest(hada_model_get_info(model)->colour_matrix, found ? mixing : none);
@@ -114,7 +138,6 @@ TEST(mixed_colours_are_found)
  * mixed: with a dark level, and where pixels of one channel are saturated, those of the others are left out as well. */
 TEST(frames_get_the_colours_of_scenes)
 {
-    const hada_mosaic mosaics[] = {HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB};
     SCOPED(hada_model) * plain, *told, *loaded;
     SCOPED(hada_plan) * usual, *mixed;
     SCOPED(hada_result) pure = {0}, back = {0};
@@ -125,7 +148,7 @@ TEST(frames_get_the_colours_of_scenes)
     pairs set;
     char path[] = "/tmp/hadalens-test-XXXXXX";
     close(mkstemp(path));
-    make_pairs(&set, NULL, HADA_RESPONSE_LINEAR, 0);
+    make_pairs(&set, NULL, HADA_RESPONSE_LINEAR, 0, 0);
     options.window_rows = options.window_cols = WINDOW;
     options.psf_dark = 0.0;
     ASSERT_OK(hada_model_from_psf(&plain, context, &set.psf, 1, &distance, &options, err));
@@ -161,30 +184,64 @@ TEST(frames_get_the_colours_of_scenes)
     print_message("cut off: off by %.4f\n", off);
     assert_true(off < 0.1);
     ASSERT_OK(hada_image_create(&grey, 1, ROWS, COLS, err));
-    for (int k = 0; k < 2; k++) { /* a mosaic is refused, and so is a frame of one channel that is none */
-        hada_plan_options mosaic = how;
-        SCOPED(hada_plan) *plan = NULL;
-        mosaic.mosaic = mosaics[k];
-        ASSERT_OK(hada_plan_create(&plan, context, loaded, &mosaic, err));
-        assert_int_equal(hada_plan_run(plan, &grey, &back, &error), HADA_ERROR_MODEL);
-    }
+    assert_int_equal(hada_plan_run(mixed, &grey, &back, &error), HADA_ERROR_MODEL);
     free_pairs(&set);
 }
 
-/* One channel, mosaics, and matrices that cannot be inverted. */
+/* What a mosaic keeps of mixed frames is nearly as good as what it keeps of frames that are not mixed, and far better
+ * than mixed colours; where pixels are saturated, those beside them are left out as well. */
+TEST(mosaics_get_the_colours_of_scenes)
+{
+    SCOPED(hada_model) * plain, *told;
+    SCOPED(hada_plan) * usual, *mixed;
+    SCOPED(hada_result) result = {0};
+    DEFAULTS(hada_psf_options, options);
+    DEFAULTS(hada_plan_options, how);
+    double off[4];
+    pairs set;
+    make_pairs(&set, NULL, HADA_RESPONSE_LINEAR, 0, 1);
+    options.window_rows = options.window_cols = WINDOW;
+    options.psf_dark = 0.0;
+    options.mosaic = HADA_MOSAIC_GRBG;
+    ASSERT_OK(hada_model_from_psf(&plain, context, &set.psf, 1, &distance, &options, err));
+    memcpy(options.colour_matrix, mixing, sizeof mixing);
+    ASSERT_OK(hada_model_from_psf(&told, context, &set.psf, 1, &distance, &options, err));
+    how.refine_tv = 1e-3;
+    ASSERT_OK(hada_plan_create(&usual, context, plain, &how, err));
+    ASSERT_OK(hada_plan_create(&mixed, context, told, &how, err));
+    for (int k = 0; k < 4; k++) { /* not mixed; mixed, taken for not mixed; mixed; saturated as well */
+        SCOPED(hada_image) frame = {0};
+        float most = 0.0f;
+        ASSERT_OK(hada_image_copy(&frame, &set.frame[0], err));
+        if (k)
+            hada_colours_mix(frame.data, AREA, mixing);
+        keep_mosaic(&frame);
+        for (int i = 0; i < AREA; i++)
+            most = fmaxf(most, frame.data[i]);
+        for (int i = 0; k == 3 && i < AREA; i++)
+            frame.data[i] = fminf(frame.data[i], 0.8f * most);
+        ASSERT_OK(hada_plan_run(k < 2 ? usual : mixed, &frame, &result, err));
+        assert_true((result.report->saturated_pixels > 5) == (k == 3));
+        off[k] = relative_change(result.planes[0].data, set.scene[0].data, hada_image_count(&result.planes[0]));
+        print_message("%d: off by %.4f\n", k, off[k]);
+    }
+    assert_true(off[2] < 1.1 * off[0] && off[1] > 1.3 * off[0] && off[3] < off[1]);
+    free_pairs(&set);
+}
+
+/* One channel, and matrices that cannot be inverted. */
 TEST(matrices_that_fit_nothing_are_refused)
 {
     SCOPED(hada_image) psf = small_psf(CHANNELS, ROWS, COLS, 9, 5), grey = small_psf(1, ROWS, COLS, 9, 5);
     hada_error error = {0};
-    for (int k = 0; k < 4; k++) {
+    for (int k = 0; k < 3; k++) {
         SCOPED(hada_model) *model = NULL;
         DEFAULTS(hada_psf_options, options);
         options.window_rows = options.window_cols = WINDOW;
         memcpy(options.colour_matrix, mixing, sizeof mixing);
-        options.mosaic = k == 1 ? HADA_MOSAIC_RGGB : HADA_MOSAIC_NONE;
-        if (k == 2)
+        if (k == 1)
             memcpy(options.colour_matrix, options.colour_matrix + HADA_COLOURS, HADA_COLOURS * sizeof(double));
-        if (k == 3)
+        if (k == 2)
             options.colour_matrix[4] = NAN;
         assert_int_equal(hada_model_from_psf(&model, context, k ? &psf : &grey, 1, &distance, &options, &error),
                          HADA_ERROR_MODEL);
@@ -201,7 +258,7 @@ TEST(sums_remember_the_colours)
     char path[] = "/tmp/hadalens-test-XXXXXX";
     close(mkstemp(path));
     unlink(path);
-    make_pairs(&set, mixing, HADA_RESPONSE_LINEAR, 0);
+    make_pairs(&set, mixing, HADA_RESPONSE_LINEAR, 0, 0);
     memcpy(options.colour_matrix, mixing, sizeof mixing);
     SCOPED(hada_dataset) *data = data_of(&set);
     ASSERT_OK(hada_fitter_create(&fitter, context, &options, err));

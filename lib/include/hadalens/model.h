@@ -83,8 +83,8 @@ typedef struct hada_model_info {
     const hada_image *dark_frame; /* of all channels: subtracted from each pixel, as `dark` is. NULL: none. Owned by the
                                      model */
     double colour_matrix[9];      /* channel c of the sensor sees colour_matrix[3 c + k] of what channel k of the scenes
-                                     makes, in linear light; frames are multiplied by its inverse before anything else.
-                                     All 0: they see the same colours */
+                                     makes, in linear light; frames are multiplied by its inverse before anything else,
+                                     mosaics once their other colours are filled in. All 0: they see the same colours */
     double frame_encoding;        /* the encoding of frames in files of whole numbers that do not state one
                                      (hadalens/response.h); 0: linear */
 } hada_model_info;

@@ -29,6 +29,7 @@ static double of_still(const hada_model_info *info, int planes)
 enum { STILL_STEPS = 2, STILL_STEPS_ALONE = 1, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM         2.0
 #define FIRM_SEVERAL 8.0
+#define FIRM_CROPPED 2.5
 
 /* A scene that moved as a whole: steps from planes that moved as well, with the usual rho, or with that of still scenes
  * where there are several depths: with the usual one what they share out is lost. Motion by fewer pixels does not
@@ -202,12 +203,19 @@ static int still_steps(const hada_plane_maker *maker, int count)
     return maker->boundary == HADA_BOUNDARY_PADDED || count > 1 ? STILL_STEPS : STILL_STEPS_ALONE;
 }
 
+/* rho of still scenes and of those that move as a whole, in units of the usual one; alone: of a single depth where
+ * light wraps around. */
+static double firm_of(const hada_plane_maker *maker, int count, double alone)
+{
+    return count > 1 ? FIRM_SEVERAL : maker->boundary == HADA_BOUNDARY_PADDED ? FIRM_CROPPED * alone : alone;
+}
+
 /* Where nothing seems to move; past->moved: something did. */
 static hada_status stay(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
                         hada_maker_past *past, int doubt, int *done, hada_error *err)
 {
-    HADA_TRY(settle(maker, own, unit, count, list, past, still_steps(maker, count), count > 1 ? FIRM_SEVERAL : FIRM,
-                    done, err));
+    HADA_TRY(
+        settle(maker, own, unit, count, list, past, still_steps(maker, count), firm_of(maker, count, FIRM), done, err));
     HADA_TRY(hada_refiner_moved(maker->refiner, NULL, doubt, &past->moved, err));
     /* slow motion that all share, which places do not tell */
     if (!past->moved && hada_refiner_knows_motion(maker->refiner, &maker->data)) {
@@ -256,7 +264,7 @@ static hada_status go_on(hada_plane_maker *maker, const hada_frame_exposure *exp
         HADA_TRY(follow_drift(maker, exposure, count, list, past, err));
     if (past->follows) {
         HADA_TRY(settle(maker, own, unit, count, list, past, count > 1 ? DRIFT_STEPS_SEVERAL : DRIFT_STEPS,
-                        count > 1 ? FIRM_SEVERAL : 1.0, done, err));
+                        firm_of(maker, count, 1.0), done, err));
         past->moved = 0;
         if (count > 1)
             HADA_TRY(hada_refiner_moved(maker->refiner, &past->motion, 0, &past->moved, err));

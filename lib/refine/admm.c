@@ -81,10 +81,11 @@ enum { PARTING_STEPS = 7 };
 
 /* A single depth: rho begins where weak frequencies of diffusers settle, too, and grows within this share of the steps
  * to so many times what several depths bear, with longer steps (perf/results/refinement.md). */
+#define ALONE_MU                0.3
 #define ALONE_FIRST_RHO         2e-4
-#define ALONE_FIRST_RHO_CROPPED 3e-4
+#define ALONE_FIRST_RHO_CROPPED 1.5e-4
 #define ALONE_RHO               8.0
-#define ALONE_RHO_CROPPED       10.0
+#define ALONE_RHO_CROPPED       4.0
 #define ALONE_GROWING           0.5
 #define ALONE_GROWING_CROPPED   0.8
 #define ALONE_RELAXATION        1.9
@@ -120,6 +121,7 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
         rule->first_steps = PARTING_STEPS;
     } else {
         rule->rho *= cropped ? ALONE_RHO_CROPPED : ALONE_RHO;
+        rule->mu = cropped ? ALONE_MU : 1.0;
     }
     if (depths == 1 && !rule->resumes) {
         const double growing = (cropped ? ALONE_GROWING_CROPPED : ALONE_GROWING) * rule->whole;

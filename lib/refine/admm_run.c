@@ -115,9 +115,9 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
     const int frame = r->padded ? HADA_REFINE_TO_PIXELS | (last ? 0 : forward) : 0;
     const int goes_on = r->padded && start == HADA_REFINE_CONTINUE && !step;
     if (start != HADA_REFINE_COLD && (tv || !step))
-        HADA_TRY(hada_refine_fused_rows(r, forward, goes_on ? forward : 0, rule->mu, 0, err));
+        HADA_TRY(hada_refine_fused_rows(r, forward, goes_on ? forward : 0, r->refiner->mu, 0, err));
     HADA_TRY(hada_refine_fused_columns(r, rule, start, step, place_of(r, rule, step), err));
-    HADA_TRY(hada_refine_fused_rows(r, planes, frame, rule->mu, step + 1, err));
+    HADA_TRY(hada_refine_fused_rows(r, planes, frame, r->refiner->mu, step + 1, err));
     if (tv)
         HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, err));
     r->refiner->half_there = planes & forward;
@@ -138,7 +138,7 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
     HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->now_w, refiner->split, &refiner->dual, err));
-        HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, rule->mu, step + 1, err));
+        HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, refiner->mu, step + 1, err));
     }
     return HADA_OK;
 }
@@ -158,8 +158,7 @@ static size_t frame_slices(const hada_refine_run *r)
 }
 
 /* The energies of steps first ... end - 1: see hada_refiner_energy() for what they mean. */
-static hada_status read_energies(const hada_refine_run *r, const hada_refine_rule *rule, int first, int end,
-                                 hada_error *err)
+static hada_status read_energies(const hada_refine_run *r, int first, int end, hada_error *err)
 {
     const hada_refiner *refiner = r->refiner;
     const size_t width = (size_t)refiner->shape.max_sets;
@@ -167,7 +166,7 @@ static hada_status read_energies(const hada_refine_run *r, const hada_refine_rul
     for (int step = first; step < end; step++) {
         const int in_frame = r->padded && step;
         hada_refine_add_up(r, step, refiner->shape.channels, in_frame ? frame_slices(r) : step_slices(r),
-                           in_frame ? rule->mu * rule->mu : hada_refine_per_pixel(refiner),
+                           in_frame ? refiner->mu * refiner->mu : hada_refine_per_pixel(refiner),
                            refiner->energy + (size_t)step * width);
     }
     return HADA_OK;
@@ -211,6 +210,8 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     refiner->half_there = 0;
     HADA_TRY_OR_DONE(begin(&r, refiner, data, sets, depths, list, 0, err));
     HADA_TRY_OR_DONE(check_rule(refiner, rule, err));
+    if (rule->start != HADA_REFINE_CONTINUE)
+        refiner->mu = rule->mu;
     for (int end = rule->steps; count < end;) {
         HADA_TRY_OR_DONE(r.fused ? iterate_fused(&r, rule, count, err) : iterate(&r, rule, count, err));
         count++;
@@ -222,7 +223,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         if (count < end ? !(rule->stop > 0.0) || count < rule->least : rule->quiet)
             continue;
         const int known = r.padded ? count + 1 : count;
-        HADA_TRY_OR_DONE(read_energies(&r, rule, read, known, err));
+        HADA_TRY_OR_DONE(read_energies(&r, read, known, err));
         read = known;
         if (rule->stop > 0.0 && count >= rule->least && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
             converged(refiner, sets, read - 2, rule->stop))

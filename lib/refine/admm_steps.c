@@ -92,7 +92,7 @@ hada_refine_step hada_refine_step_of(const hada_refine_run *r, const hada_refine
     return (hada_refine_step){
         .problem = hada_refine_problem_of(r, place),
         .split = r->refiner->split,
-        .rho = (float)hada_refine_rho_at(rule, step),
+        .rho = (float)(hada_refine_rho_at(rule, step) / r->refiner->mu),
         .keep = rule->noise > 0.0        ? 0.0f
                 : !step && rule->resumes ? (float)(r->refiner->last_rho / hada_refine_rho_at(rule, step))
                 : step + rule->before    ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))

@@ -23,7 +23,8 @@ typedef struct hada_refine_arriving {
     double factor;
 } hada_refine_arriving;
 
-/* What is kept of a run for the next frame: the depths of the planes (0: nothing), rho, and copies. */
+/* What is kept of a run for the next frame: the depths of the planes (0: nothing), rho, and copies, those of the split
+ * at the frame for mu = 1. */
 typedef struct hada_refine_past {
     int depths, *list;
     double rho; /* of its last step */
@@ -61,7 +62,8 @@ struct hada_refiner {
     size_t transforms;
     hada_refine_arriving arriving;
     hada_refine_past past;
-    double last_rho; /* of the last step that was done */
+    double mu;       /* of the last run, which runs that continue it keep */
+    double last_rho; /* of its last step */
     double last_tv;  /* of the last run's rule */
     int half_there;  /* 1: now_u holds the planes' spectra along rows */
 };

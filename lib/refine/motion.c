@@ -249,6 +249,7 @@ hada_status hada_refiner_begin_from_planes(hada_refiner *refiner, const hada_ref
     const hada_refine_run r = run_of(refiner, data, depths);
     const size_t bytes = (size_t)(depths * refiner->shape.channels) * refiner->layout.count * 2 * sizeof(float);
     refiner->last_rho = refiner->past.rho;
+    refiner->mu = 1.0;
     HADA_TRY(hada_refine_planes_forward(&r, err));
     HADA_TRY(hada_buffer_copy(refiner->slot, refiner->now_u.mem, 0, refiner->now_w.mem, 0, bytes, err));
     if (!r.padded)
@@ -256,7 +257,7 @@ hada_status hada_refiner_begin_from_planes(hada_refiner *refiner, const hada_ref
     HADA_TRY(hada_refine_explain(&r, 1, err));
     HADA_TRY(explained(&r, refiner->residual.mem, 0, refiner->now_w.mem, refiner->split, err));
     HADA_TRY(hada_refine_frame_inverse(&r, &refiner->now_w, refiner->split, &refiner->dual, err));
-    return hada_refine_frame_dual(&r, refiner->dual.mem, 1, 1.0, refiner->shape.max_steps + 1, err);
+    return hada_refine_frame_dual(&r, refiner->dual.mem, 1, refiner->mu, refiner->shape.max_steps + 1, err);
 }
 
 hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths,

@@ -35,6 +35,33 @@ static hada_status copy(hada_refiner *refiner, int back, hada_error *err)
     return HADA_OK;
 }
 
+/* a -= part b, of `count` floats from their places on. */
+static hada_status subtract(const hada_refiner *refiner, cl_mem a, size_t a_at, cl_mem b, size_t b_at, size_t count,
+                            double part, hada_error *err)
+{
+    const hada_range range = hada_range_of(count, 64, 1, 1);
+    hada_slot_cost(refiner->slot, 12.0 * (double)count, 2.0 * (double)count);
+    return hada_launch_refine_move_rest(refiner->slot, hada_program_refine_move_of(refiner->slot), &range, err, .a = a,
+                                        .b = b, .out = a, .a_at = a_at, .b_at = b_at, .out_at = a_at,
+                                        .count = (cl_uint)count, .part = (float)part);
+}
+
+/* What is kept of the split at the frame becomes that of mu = 1, its dual being in units of 1 / mu. Few steps that go
+ * on with another mu would lag beyond the frame. */
+static hada_status use_whole_mu(hada_refiner *refiner, hada_error *err)
+{
+    const hada_refine_past *past = &refiner->past;
+    const size_t channels = (size_t)refiner->shape.channels, at = 2 * refiner->split;
+    const hada_refine_run r = {.refiner = refiner, .sets = 1, .depths = past->depths};
+    const double part = 1.0 - refiner->mu;
+    if (part == 0.0)
+        return HADA_OK;
+    HADA_TRY(hada_refine_frame_forward(&r, err));
+    HADA_TRY(subtract(refiner, past->now_w.mem, at, refiner->now_u.mem, at, 2 * channels * refiner->layout.count, part,
+                      err));
+    return subtract(refiner, past->dual.mem, 0, past->dual.mem, 0, channels * refiner->frame_area, part, err);
+}
+
 hada_status hada_refiner_keep(hada_refiner *refiner, int depths, const int *list, hada_error *err)
 {
     hada_refine_past *past = &refiner->past;
@@ -43,7 +70,8 @@ hada_status hada_refiner_keep(hada_refiner *refiner, int depths, const int *list
     past->depths = depths;
     past->rho = refiner->last_rho;
     memmove(past->list, list, (size_t)depths * sizeof *list);
-    return copy(refiner, 0, err);
+    HADA_TRY(copy(refiner, 0, err));
+    return refiner->shape.boundary == HADA_BOUNDARY_PADDED ? use_whole_mu(refiner, err) : HADA_OK;
 }
 
 int hada_refiner_remembers(const hada_refiner *refiner, int depths, const int *list)
@@ -55,6 +83,7 @@ int hada_refiner_remembers(const hada_refiner *refiner, int depths, const int *l
 hada_status hada_refiner_recall(hada_refiner *refiner, hada_error *err)
 {
     refiner->last_rho = refiner->past.rho;
+    refiner->mu = 1.0;
     return copy(refiner, 1, err);
 }
 
@@ -92,7 +121,6 @@ hada_status hada_refiner_brighten(hada_refiner *refiner, double times, hada_erro
     const hada_refine_past *past = &refiner->past;
     const size_t channels = (size_t)refiner->shape.channels, images = (size_t)past->depths * channels;
     const int padded = refiner->shape.boundary == HADA_BOUNDARY_PADDED;
-    const hada_program_refine_move program = hada_program_refine_move_of(refiner->slot);
     const struct {
         cl_mem mem;
         size_t first, count;
@@ -102,13 +130,9 @@ hada_status hada_refiner_brighten(hada_refiner *refiner, double times, hada_erro
                  {past->now_w.mem, 2 * refiner->split, padded ? 2 * channels * refiner->layout.count : 0},
                  {past->dual.mem, 0, padded ? channels * refiner->frame_area : 0}};
     for (size_t i = 0; i < HADA_COUNT(parts); i++) {
-        const hada_range range = hada_range_of(parts[i].count, 64, 1, 1);
-        hada_slot_cost(refiner->slot, 8.0 * (double)parts[i].count, (double)parts[i].count);
         if (parts[i].count)
-            HADA_TRY(hada_launch_refine_move_rest(refiner->slot, program, &range, err, .a = parts[i].mem,
-                                                  .b = parts[i].mem, .out = parts[i].mem, .a_at = parts[i].first,
-                                                  .b_at = parts[i].first, .out_at = parts[i].first,
-                                                  .count = (cl_uint)parts[i].count, .part = (float)(1.0 - times)));
+            HADA_TRY(subtract(refiner, parts[i].mem, parts[i].first, parts[i].mem, parts[i].first, parts[i].count,
+                              1.0 - times, err));
     }
     refiner->last_tv *= times;
     return HADA_OK;

@@ -27,7 +27,7 @@ static void compare(fixture *f, const hada_refine_rule *rule, int depths, const 
                                      .otf = otf,
                                      .prior = prior,
                                      .image = f->image,
-                                     .rho = rule->rho,
+                                     .rho = rule->rho / rule->mu,
                                      .relaxation = rule->relaxation,
                                      .mu = rule->mu,
                                      .steps = rule->steps};

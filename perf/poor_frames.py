@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Cameras learned from pairs whose raw frames are poor in one way, and frames that are so too: PSNR of the all-in-focus image of
 four frames of other photographs, in dB, with a common gain taken off.
-   perf/poor_frames.py HADALENS PHOTOGRAPHS OTHER_PHOTOGRAPHS [--kinds none,hot,room] [--first 900] [--frames]
+   perf/poor_frames.py HADALENS PHOTOGRAPHS OTHER_PHOTOGRAPHS [--kinds none,hot,room] [--first 900] [--frames] [--mosaic]
 none: as simulated. hot: one pixel of a thousand at white. room: light of a room, 5 % of full scale and a slope of 12 % more.
 rooms: another one in each frame. srgb: 8 bits, encoded for displays. eight: 8 bits. level: a dark level of 6 %, 16 bits. black: cut
 off at black. exposures: each frame's own, 0.7 to 1.4. rows: an offset of each row, 1 % of full scale. gains: of each pixel, 2 %.
 white: the brightest 5 % cut off. corners: 60 % of the light is lost there. colours, few_colours: each channel of the sensor sees
 some of the others, up to a third or a twentieth; both_colours: a third, and each frame's own exposure. --frames: the pairs are as
-simulated. Needs NumPy and tifffile."""
+simulated. --mosaic: all cameras are in colour, behind a colour filter mosaic. Needs NumPy and tifffile."""
 import argparse
 import json
 import pathlib
@@ -80,6 +80,7 @@ def spoil(kind, frame, chance):
 
 
 def mosaic(frame):
+    """What the pixels of a mosaic RGGB hold of a frame in colour."""
     rows, cols = np.mgrid[: frame.shape[0], : frame.shape[1]] % 2
     return np.take_along_axis(frame, (rows + cols)[..., None], 2)[..., 0]
 

@@ -4,10 +4,10 @@
 
 /* Planes are compared after each of PARTS equal parts of the steps, and before the first, when they are the linear
  * filter's. After the last part come the steps with the learned regulariser. Optics that pass some frequencies weakly
- * need more steps: they get them where that changes planes by more than this share of their energy. What that gains is
- * no measure, as it is little beside the errors of a camera that was learned without a pair. */
+ * need more steps: they get them where that gains this many decibels. Where the sensor crops there are fewer. */
 enum { PARTS = 4, TRIED = PARTS + 1, SLOW_CROPPED = 24 };
-#define SLOW_CHANGE 1e-4
+#define SLOW_GAIN         0.2
+#define SLOW_GAIN_CROPPED 0.05
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
  * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/explanation/refinement.md).
@@ -61,10 +61,15 @@ typedef struct trial_work {
     int tv_count;
 } trial_work;
 
+static int is_cropped(const trial_work *work)
+{
+    return work->bench.maker.boundary == HADA_BOUNDARY_PADDED;
+}
+
 static int slow_steps(const trial_work *work)
 {
-    const int all = work->bench.grid->info.mosaic == HADA_MOSAIC_NONE;
-    return all && work->bench.maker.boundary == HADA_BOUNDARY_PADDED ? SLOW_CROPPED : HADA_TRIAL_MOST_STEPS;
+    const int mosaic = work->bench.grid->info.mosaic != HADA_MOSAIC_NONE;
+    return is_cropped(work) && !mosaic ? SLOW_CROPPED : HADA_TRIAL_MOST_STEPS;
 }
 
 /* Exposes a frame, and keeps its linear planes for blends. */
@@ -260,41 +265,21 @@ static hada_status choose_ridge(trial_work *work, const trial_set *set, double p
     return work->weights.ridge > 0.0 ? sweep_tv(work, set, work->weights.tv, &psnr, err) : HADA_OK;
 }
 
-/* How much planes change from so many steps to more: the share of their energy. */
-static hada_status change_by(trial_work *work, const trial_set *set, int few, int many, double *share, hada_error *err)
-{
-    const hada_refine_weights weights = {work->weights.tv, work->weights.colour, 0.0};
-    const size_t floats = hada_fit_window_floats(work->bench.grid);
-    const float *planes = work->bench.planes;
-    float *before = work->bench.linear;
-    double sums[2] = {0.0};
-    for (int k = 0; k < set->count; k++) {
-        const hada_maker_steps first = {.steps = few, .whole = few}, second = {.steps = many, .whole = many};
-        if (!hada_is_mine(&work->bench.grid->communicator, k))
-            continue;
-        HADA_TRY(hada_trial_expose(&work->bench, &set->frames[k], err));
-        HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights, &first, 1, err));
-        memcpy(before, planes, floats * sizeof *planes);
-        HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights, &second, 1, err));
-        for (size_t i = 0; i < floats; i++) {
-            sums[0] += ((double)planes[i] - (double)before[i]) * ((double)planes[i] - (double)before[i]);
-            sums[1] += (double)planes[i] * (double)planes[i];
-        }
-    }
-    HADA_TRY(hada_reduce(&work->bench.grid->communicator, sums, HADA_COUNT(sums), err));
-    *share = sums[1] > 0.0 ? sums[0] / sums[1] : 0.0;
-    return HADA_OK;
-}
-
 /* Chooses the whole number of steps, after which weights are compared from here on. psnr: with total variation alone.
  */
 static hada_status choose_whole(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
     const hada_refine_weights without = {work->weights.tv, work->weights.colour, 0.0};
-    double change;
-    HADA_TRY(change_by(work, set, HADA_TRIAL_STEPS, slow_steps(work), &change, err));
-    work->rank_steps = work->whole = change > SLOW_CHANGE ? slow_steps(work) : HADA_TRIAL_STEPS;
-    return rank(work, set, &without, 1, psnr, err);
+    double more;
+    work->rank_steps = work->whole = HADA_TRIAL_STEPS;
+    HADA_TRY(rank(work, set, &without, 1, psnr, err));
+    work->rank_steps = work->whole = slow_steps(work);
+    HADA_TRY(rank(work, set, &without, 1, &more, err));
+    if (more - *psnr > (is_cropped(work) ? SLOW_GAIN_CROPPED : SLOW_GAIN))
+        *psnr = more;
+    else
+        work->rank_steps = work->whole = HADA_TRIAL_STEPS;
+    return HADA_OK;
 }
 
 static hada_status choose_weights(trial_work *work, const trial_set *set, hada_error *err)

@@ -29,7 +29,7 @@ static double of_still(const hada_model_info *info, int planes)
 enum { STILL_STEPS = 2, STILL_STEPS_ALONE = 1, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM         2.0
 #define FIRM_SEVERAL 8.0
-#define FIRM_CROPPED 2.5
+#define FIRM_CROPPED 1.7
 
 /* A scene that moved as a whole: steps from planes that moved as well, with the usual rho, or with that of still scenes
  * where there are several depths: with the usual one what they share out is lost. Motion by fewer pixels does not

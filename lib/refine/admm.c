@@ -83,9 +83,9 @@ enum { PARTING_STEPS = 7 };
  * to so many times what several depths bear, with longer steps (perf/results/refinement.md). */
 #define ALONE_MU                0.3
 #define ALONE_FIRST_RHO         2e-4
-#define ALONE_FIRST_RHO_CROPPED 1.5e-4
+#define ALONE_FIRST_RHO_CROPPED 2e-4
 #define ALONE_RHO               8.0
-#define ALONE_RHO_CROPPED       4.0
+#define ALONE_RHO_CROPPED       6.0
 #define ALONE_GROWING           0.5
 #define ALONE_GROWING_CROPPED   0.8
 #define ALONE_RELAXATION        1.9

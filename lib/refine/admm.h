@@ -95,7 +95,8 @@ typedef struct hada_refine_rule {
     double relaxation; /* 0 < relaxation < 2; 1.6 is usual, 1 none */
     double first_relaxation; /* of the first first_steps steps, as relaxation */
     int first_steps;
-    double mu;        /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
+    double mu;        /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 without tv. A
+                         run that continues another keeps its mu */
     double tv;        /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_rule_weigh() */
     double tv_colour; /* >= 1: how much heavier differences of colour are than those of brightness */
     int ridge;        /* 1: steps with the learned regulariser follow the run */

@@ -4,10 +4,11 @@
 
 /* Planes are compared after each of PARTS equal parts of the steps, and before the first, when they are the linear
  * filter's. After the last part come the steps with the learned regulariser. Optics that pass some frequencies weakly
- * need more steps: they get them where that gains this many decibels. Where the sensor crops there are fewer. */
+ * need more steps: they get them where each further one gains SLOW_GAIN decibels. Where the sensor crops they are
+ * fewer.
+ */
 enum { PARTS = 4, TRIED = PARTS + 1, SLOW_CROPPED = 24 };
-#define SLOW_GAIN         0.2
-#define SLOW_GAIN_CROPPED 0.05
+#define SLOW_GAIN 0.0125
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
  * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/explanation/refinement.md).
@@ -61,15 +62,11 @@ typedef struct trial_work {
     int tv_count;
 } trial_work;
 
-static int is_cropped(const trial_work *work)
-{
-    return work->bench.maker.boundary == HADA_BOUNDARY_PADDED;
-}
-
 static int slow_steps(const trial_work *work)
 {
-    const int mosaic = work->bench.grid->info.mosaic != HADA_MOSAIC_NONE;
-    return is_cropped(work) && !mosaic ? SLOW_CROPPED : HADA_TRIAL_MOST_STEPS;
+    const hada_model_info *info = &work->bench.grid->info;
+    return info->boundary == HADA_BOUNDARY_PADDED && info->mosaic == HADA_MOSAIC_NONE ? SLOW_CROPPED
+                                                                                      : HADA_TRIAL_MOST_STEPS;
 }
 
 /* Exposes a frame, and keeps its linear planes for blends. */
@@ -275,7 +272,7 @@ static hada_status choose_whole(trial_work *work, const trial_set *set, double *
     HADA_TRY(rank(work, set, &without, 1, psnr, err));
     work->rank_steps = work->whole = slow_steps(work);
     HADA_TRY(rank(work, set, &without, 1, &more, err));
-    if (more - *psnr > (is_cropped(work) ? SLOW_GAIN_CROPPED : SLOW_GAIN))
+    if (more - *psnr > SLOW_GAIN * (work->whole - HADA_TRIAL_STEPS))
         *psnr = more;
     else
         work->rank_steps = work->whole = HADA_TRIAL_STEPS;

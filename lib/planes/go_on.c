@@ -204,7 +204,7 @@ static int still_steps(const hada_plane_maker *maker, int count)
 }
 
 /* rho of still scenes and of those that move as a whole, in units of the usual one; alone: of a single depth where
- * light wraps around. */
+ * light wraps around. Where the sensor crops, the usual one is that of a looser split, which they do not have. */
 static double firm_of(const hada_plane_maker *maker, int count, double alone)
 {
     return count > 1 ? FIRM_SEVERAL : maker->boundary == HADA_BOUNDARY_PADDED ? FIRM_CROPPED * alone : alone;

@@ -367,6 +367,7 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     HADA_TRY_OR_DONE(hada_allocated(refiner = hada_alloc(1, sizeof *refiner, "a refiner", err)));
     b = sizes_of(slot->context, shape);
     refiner->slot = slot;
+    refiner->mu = 1.0;
     refiner->shape = *shape;
     refiner->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     refiner->partials = b.partials;

@@ -81,14 +81,13 @@ enum { PARTING_STEPS = 7 };
 
 /* A single depth: rho begins where weak frequencies of diffusers settle, too, and grows within this share of the steps
  * to so many times what several depths bear, with longer steps (perf/results/refinement.md). */
-#define ALONE_MU                0.3
-#define ALONE_FIRST_RHO         2e-4
-#define ALONE_FIRST_RHO_CROPPED 2e-4
-#define ALONE_RHO               8.0
-#define ALONE_RHO_CROPPED       6.0
-#define ALONE_GROWING           0.5
-#define ALONE_GROWING_CROPPED   0.8
-#define ALONE_RELAXATION        1.9
+#define ALONE_MU              0.3
+#define ALONE_FIRST_RHO       2e-4
+#define ALONE_RHO             8.0
+#define ALONE_RHO_CROPPED     6.0
+#define ALONE_GROWING         0.5
+#define ALONE_GROWING_CROPPED 0.8
+#define ALONE_RELAXATION      1.9
 
 /* The steps with the learned regulariser, for a usual weight of total variation and a single depth: rho in units of the
  * gain, and the noise that they take out with strength 1 in units of the frame's root mean square. With the weight they
@@ -126,7 +125,7 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     if (depths == 1 && !rule->resumes) {
         const double growing = (cropped ? ALONE_GROWING_CROPPED : ALONE_GROWING) * rule->whole;
         rule->relaxation = ALONE_RELAXATION;
-        rule->first_rho = (cropped ? ALONE_FIRST_RHO_CROPPED : ALONE_FIRST_RHO) * gain;
+        rule->first_rho = ALONE_FIRST_RHO * gain;
         rule->growth = fmax(pow(rule->rho / rule->first_rho, 1.0 / growing), 1.0);
     } else if (cropped) {
         rule->first_rho = CROPPED_FIRST_RHO * gain;

@@ -27,8 +27,12 @@ NEWTON = 6  # rounds; three are exact in single precision
 
 @dataclass(frozen=True)
 class Schedule:
-    """What each step is done with; rho in units of |OTF|², `noise` in units of the frame's root mean square."""
+    """What each step is done with; rho in units of |OTF|², `noise` in units of the frame's root mean square.
 
+    mu is the weight of the split at the frame of a sensor that crops.
+    """
+
+    mu: float
     rho: tuple[float, ...]
     relaxation: tuple[float, ...]
     ridge_rho: tuple[float, ...]
@@ -43,8 +47,8 @@ def schedule(info: ModelInfo, gain: float, tv: float, ridge: float, depths: int,
     most = info.refine_rho if (tv > 0) == (info.refine_tv > 0) else usual
     first, growth, relaxed = 0.0, 1.0, 1.6
     if tv > 0 and depths == 1:
-        first, relaxed = (3e-4 if cropped else 2e-4), 1.9
-        most *= 10.0 if cropped else 8.0
+        first, relaxed = 2e-4, 1.9
+        most *= 6.0 if cropped else 8.0
         growth = max((most / first) ** (1 / ((0.8 if cropped else 0.5) * steps)), 1.0)
     elif tv > 0 and cropped:
         first, growth = 1e-3, 1.25
@@ -57,7 +61,8 @@ def schedule(info: ModelInfo, gain: float, tv: float, ridge: float, depths: int,
     end = 0.1 if depths == 1 else 0.25
     weight = tv / 0.0026
     noise = ridge * 0.16 * math.sqrt(0.1 / end) * weight**0.37 / math.sqrt(gain)
-    return Schedule(tuple(rho), tuple(relaxation[: len(rho)]), (gain * end * weight**0.6,) * last, noise)
+    mu = 0.3 if tv > 0 and depths == 1 else 1.0
+    return Schedule(mu, tuple(rho), tuple(relaxation[: len(rho)]), (gain * end * weight**0.6,) * last, noise)
 
 
 def _primal(w: Tensor, down: Tensor, right: Tensor, theta: Tensor) -> Tensor:

@@ -524,13 +524,14 @@ class Refine(_Camera):
         given = torch.fft.rfft2(data if v is None else v - e)
         there = spectra - dual
         power = (otf.real.square() + otf.imag.square()).sum(0)
-        error = (given - (otf * there).sum(1)) / (rho + power)
+        mu = self.schedule.mu if self.cropped else 1.0
+        error = (given - (otf * there).sum(1)) / (rho / mu + power)
         x = there + otf.conj() * error[:, None]
         if v is not None:
             seen = torch.fft.irfft2((otf * x).sum(1), s=(rows, cols))
             a = relaxation * seen + (1 - relaxation) * v + e
             tall, broad = self.operator.frame_shape[1:]
-            e = F.pad((a - data)[..., :tall, :broad] / 2, (0, cols - broad, 0, rows - tall))
+            e = F.pad((a - data)[..., :tall, :broad] / (1 + mu), (0, cols - broad, 0, rows - tall))
             v = a - e
         w = relaxation * x + (1 - relaxation) * spectra + dual
         image = torch.fft.irfft2(w, s=(rows, cols))[..., top : top + high, left : left + wide]

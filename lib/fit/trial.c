@@ -4,9 +4,7 @@
 
 /* Planes are compared after each of PARTS equal parts of the steps, and before the first, when they are the linear
  * filter's. After the last part come the steps with the learned regulariser. Optics that pass some frequencies weakly
- * need more steps: they get them where each further one gains SLOW_GAIN decibels. Where the sensor crops they are
- * fewer.
- */
+ * need more steps: they get them where each further one gains SLOW_GAIN decibels. Where the sensor crops, fewer do. */
 enum { PARTS = 4, TRIED = PARTS + 1, SLOW_CROPPED = 24 };
 #define SLOW_GAIN 0.0125
 

@@ -113,8 +113,8 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err);
 hada_status hada_model_check_numbers(const hada_model *model, hada_error *err);
 
 /* Write and read what files of models and of sums say about frames: frame_encoding, colour_matrix, mosaic,
- * sensor_mosaic, downsample. Keys that do not apply are not written. Reading returns the key whose value is not usable,
- * or NULL if all are. */
+ * sensor_mosaic, downsample. A key is left out where the camera has no such thing. Reading returns the first key with
+ * a wrong value, or NULL. */
 hada_status hada_model_put_frames(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err);
 const char *hada_model_get_frames(const hada_tensors *file, hada_model_info *info);
 

@@ -61,7 +61,7 @@ def schedule(info: ModelInfo, gain: float, tv: float, ridge: float, depths: int,
     end = 0.1 if depths == 1 else 0.25
     weight = tv / 0.0026
     noise = ridge * 0.16 * math.sqrt(0.1 / end) * weight**0.37 / math.sqrt(gain)
-    mu = 0.3 if tv > 0 and depths == 1 else 1.0
+    mu = 0.3 if cropped and tv > 0 and depths == 1 else 1.0
     return Schedule(mu, tuple(rho), tuple(relaxation[: len(rho)]), (gain * end * weight**0.6,) * last, noise)
 
 

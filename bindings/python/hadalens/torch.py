@@ -524,7 +524,7 @@ class Refine(_Camera):
         given = torch.fft.rfft2(data if v is None else v - e)
         there = spectra - dual
         power = (otf.real.square() + otf.imag.square()).sum(0)
-        mu = self.schedule.mu if self.cropped else 1.0
+        mu = self.schedule.mu
         error = (given - (otf * there).sum(1)) / (rho / mu + power)
         x = there + otf.conj() * error[:, None]
         if v is not None:

@@ -1,8 +1,10 @@
 /* What a survey of small copies chose, compared with the crop in the model: the response of the scenes, and exposures.
  */
+#include <float.h>
 #include <hadalens/response.h>
 
 #include "fit/look.h"
+#include "image/pixels.h"
 
 /* Another response than the survey's must leave so much less of held-out frames: than linear, than others, and where
  * the pairs gave the dark level as well, which a power nearly makes up for. */
@@ -16,6 +18,9 @@
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.14 on simulated cameras,
  * 4 to 1700 where they were linear. */
 #define ENCODED 0.5
+#define SPOILT  2.0
+/* Frames that are nowhere brighter are not encoded: 10 or 12 bits in a file of 16. */
+#define DIM 0.1
 
 /* Exposures become more precise in so many rounds, in each by this factor at most. */
 enum { SHADES = 3, ROUNDS = 3 };
@@ -275,19 +280,24 @@ done:
     return status;
 }
 
-/* What is left of held-out frames of these pairs, with the response that leaves least. */
+/* What is left of held-out frames of these pairs, with the response and exposures that leave least. */
 static hada_status left_of(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int smooth,
                            double *left, hada_error *err)
 {
     confirming of = {0};
     hada_survey *survey = NULL;
+    double apart = INFINITY;
     int row;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_SAME, err));
+    HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_AUTO, err));
     HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
     of.at.smooth = smooth;
-    if (of.rows)
-        HADA_TRY_OR_DONE(confirm(&of, 0, &row, left, err));
+    if (!of.rows)
+        goto done;
+    HADA_TRY_OR_DONE(confirm(&of, 0, &row, left, err));
+    if (may_be_apart(survey, HADA_EXPOSURE_AUTO))
+        HADA_TRY_OR_DONE(confirm(&of, 1, &row, &apart, err));
+    *left = fmin(*left, apart);
 done:
     free(of.left);
     hada_survey_destroy(&survey);
@@ -306,27 +316,41 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
     return HADA_OK;
 }
 
-/* The variance of all frames. */
-static hada_status variance_of(const hada_dataset *pairs, double *variance, hada_error *err)
+/* The variance of the frames of which some are held out, in the channel that is looked at. */
+static hada_status variance_of(const hada_fit_options *fit, const hada_dataset *pairs, double *variance,
+                               hada_error *err)
 {
+    const int depth = hada_look_depth(fit, pairs);
     *variance = 0.0;
-    for (int i = 0; i < hada_dataset_get_info(pairs)->counts[0]; i++) {
+    for (int i = 0; depth < fit->depths && i < hada_dataset_get_info(pairs)->counts[depth]; i++) {
         hada_pair pair;
         double sum = 0.0, squares = 0.0;
-        HADA_TRY(hada_pair_take(&pair, pairs, 0, i, err));
-        const size_t count = hada_image_count(pair.raw);
+        HADA_TRY(hada_pair_take(&pair, pairs, depth, i, err));
+        const size_t count = (size_t)pair.raw->rows * (size_t)pair.raw->cols;
+        const float *channel = pair.raw->data + (size_t)(pair.raw->channels / 2) * count;
         for (size_t k = 0; k < count; k++) {
-            sum += (double)pair.raw->data[k];
-            squares += (double)pair.raw->data[k] * (double)pair.raw->data[k];
+            sum += (double)channel[k];
+            squares += (double)channel[k] * (double)channel[k];
         }
         *variance += squares - sum * sum / (double)count;
         hada_pair_return(&pair);
     }
+    *variance = fmax(*variance, DBL_MIN);
     return HADA_OK;
 }
 
-/* What is left of held-out frames without the dark level or the light that all hold, whichever leaves less; infinite
- * where neither is found. */
+hada_status hada_fit_left_share(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
+                                double *share, hada_error *err)
+{
+    double variance;
+    HADA_TRY(variance_of(fit, pairs, &variance, err));
+    HADA_TRY(left_of(fit, context, pairs, 0, share, err));
+    *share /= variance;
+    return HADA_OK;
+}
+
+/* The share that is left of held-out frames without the dark level or the light that all hold, whichever leaves less;
+ * infinite where neither is found. */
 static hada_status left_dark(const hada_fit_options *callers, hada_context *context, const hada_dataset *pairs,
                              double *left, hada_error *err)
 {
@@ -338,11 +362,11 @@ static hada_status left_dark(const hada_fit_options *callers, hada_context *cont
     *left = INFINITY;
     HADA_TRY_OR_DONE(hada_fit_find_dark(&fit, pairs, &surface, err));
     if (fit.dark > 0.0)
-        HADA_TRY_OR_DONE(left_of(&fit, context, pairs, 0, left, err));
+        HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, pairs, left, err));
     if (surface.data) {
         fit.dark = 0.0;
         HADA_TRY_OR_DONE(hada_dataset_mend(&above, pairs, NULL, &surface, err));
-        HADA_TRY_OR_DONE(left_of(&fit, context, above, 0, &with_surface, err));
+        HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, above, &with_surface, err));
     }
     *left = fmin(*left, with_surface);
 done:
@@ -352,20 +376,17 @@ done:
 }
 
 /* Of pairs of one depth whose frames are as they are, and decoded: whether far less is left of these. Encodings make
- * more or less of what all frames hold beside the scenes' light, so then it is taken off. */
+ * more or less of what all frames hold beside the scenes' light, so it is taken off unless decoding clearly spoils. */
 static hada_status compare(const hada_fit_options *fit, hada_context *context, const hada_dataset *const kinds[2],
                            int *seem, hada_error *err)
 {
-    double share[2], variance[2], dark;
-    for (int k = 0; k < 2; k++) {
-        HADA_TRY(variance_of(kinds[k], &variance[k], err));
-        HADA_TRY(left_of(fit, context, kinds[k], 0, &share[k], err));
-        share[k] /= variance[k];
-    }
-    *seem = share[1] < ENCODED * share[0];
-    for (int k = 0; k < 2 && *seem; k++) {
+    double share[2], dark;
+    for (int k = 0; k < 2; k++)
+        HADA_TRY(hada_fit_left_share(fit, context, kinds[k], &share[k], err));
+    const int spoilt = share[1] > SPOILT * share[0];
+    for (int k = 0; k < 2 && !spoilt; k++) {
         HADA_TRY(left_dark(fit, context, kinds[k], &dark, err));
-        share[k] = fmin(share[k], dark / variance[k]);
+        share[k] = fmin(share[k], dark);
     }
     *seem = share[1] < ENCODED * share[0];
     return HADA_OK;
@@ -377,6 +398,7 @@ hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *con
     hada_fit_options options = *fit;
     hada_image frames[HADA_LOOK_MOST] = {{0}}, scenes[HADA_LOOK_MOST] = {{0}};
     hada_dataset *few = NULL, *decoded = NULL;
+    float most = 0.0f;
     const int depth = hada_look_depth(fit, pairs);
     const int count = depth < fit->depths ? hada_least(hada_dataset_get_info(pairs)->counts[depth], HADA_LOOK_MOST) : 0;
     hada_status status = HADA_OK;
@@ -385,8 +407,12 @@ hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *con
         return HADA_OK;
     options.depths = 1;
     options.distances_mm = fit->distances_mm + depth;
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count; i++) {
         HADA_TRY_OR_DONE(hada_dataset_read(pairs, depth, i, &frames[i], &scenes[i], err));
+        most = fmaxf(most, hada_image_brightest(&frames[i]));
+    }
+    if (most < DIM)
+        goto done;
     HADA_TRY_OR_DONE(hada_dataset_from_images(&few, 1, options.distances_mm, &count, frames, scenes, err));
     HADA_TRY_OR_DONE(hada_dataset_decode(&decoded, few, encoding, err));
     HADA_TRY_OR_DONE(compare(&options, context, (const hada_dataset *const[]){few, decoded}, seem, err));

@@ -4,11 +4,12 @@
 #include "fit/fitter.h"
 #include "fit/sample.h"
 #include "image/correct.h"
+#include "image/pixels.h"
 #include "image/statistics.h"
 
 /* Dark levels are tried in so many steps up to the darkest place of all frames, then between the best one's neighbours;
- * below LEAST_DARK of full scale none is looked for. A level must leave less of the frames by this factor,
- * surely (perf/results/learning.md). */
+ * below LEAST_DARK of the brightest place none is looked for (of full scale it would be too much: 10 bits in a file of
+ * 16 are small numbers). A level must leave less of the frames by this factor, surely (perf/results/learning.md). */
 enum { LEVELS = 6, SECTIONS = 10 };
 #define LEAST_DARK  1e-3
 #define DARK_BETTER 1.5
@@ -118,7 +119,7 @@ static hada_status find_surface(hada_sample *work, const left_over *otherwise, h
 {
     hada_light light = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, &light, err));
+    HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, 0, &light, err));
     HADA_TRY_OR_DONE(draw(work, &light, otherwise, out, err));
 done:
     hada_light_free(&light);
@@ -129,6 +130,7 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
 {
     hada_sample work = {.options = *options, .pairs = pairs, .counts = hada_dataset_get_info(pairs)->counts};
     left_over none, level;
+    double least = 0.0;
     hada_status status = HADA_OK;
     if (options->dark != 0.0 || hada_dataset_get_info(pairs)->dark_frame)
         options->find_dark = 0;
@@ -136,13 +138,15 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
         return HADA_OK;
     HADA_TRY_OR_DONE(hada_sample_begin(&work, err));
     const double most = darkest(&work);
-    if (work.count < HADA_SAMPLE_LEAST || (most < LEAST_DARK && !found))
+    for (int k = 0; k < work.count; k++)
+        least = fmax(least, LEAST_DARK * (double)hada_image_brightest(&work.frame[k]));
+    if (work.count < HADA_SAMPLE_LEAST || (most < least && !found))
         goto done;
     hada_sample_forget(&work);
     hada_sample_try_responses(&work);
     HADA_TRY_OR_DONE(hada_sample_take(&work, err));
     none = level = try_level(&work, 0.0);
-    if (most >= LEAST_DARK)
+    if (most >= least)
         level = choose_level(&work, none, most);
     darken(&work, 0.0);
     if (found)

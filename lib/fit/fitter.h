@@ -94,12 +94,16 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
                                hada_error *err);
 /* Light that comes from no scene and differs from frame to frame, a smooth surface of each: [pair][channel]
  * [HADA_SMOOTH_TERMS], by hada_pair_number(), free(); NULL where it is clearly no better than one surface for all. For
- * depths with three pairs and more, without a mosaic. */
-hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, double **light,
+ * depths with three pairs and more. apart: frames may differ in exposure as well. */
+hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, int apart, double **light,
                                     hada_error *err);
 /* Whether frames, taken for linear, seem to be encoded so (hadalens/response.h): decoded, they are explained better. */
 hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                   double encoding, int *seem, hada_error *err);
+/* What is left of held-out frames with the response, if it is open, and the exposures that leave least, over the
+ * variance of the frames of the first depth. */
+hada_status hada_fit_left_share(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
+                                double *share, hada_error *err);
 /* Compares what a survey chose with other responses, and with exposures alike, as boundaries are compared: with the
  * crop in the model. Has the survey choose what is better. */
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,

@@ -18,6 +18,8 @@ enum { TERMS = HADA_SMOOTH_TERMS };
  * for each must leave less than one for all by this factor; whether it is right, confirm.c says. */
 enum { TOGETHER = 10, OWN_LEAST = 3 };
 #define OWN_BETTER 1.5
+/* Turns in which exposures that differ are found beside light. */
+enum { TURNS = 6 };
 _Static_assert((int)TOGETHER <= (int)HADA_SAMPLE_MOST, "room for pairs");
 
 typedef struct equations {
@@ -139,7 +141,57 @@ static void solve_channel(equations *of, int channel, double *weight)
         weight[(a / TERMS * (size_t)work->options.channels + (size_t)channel) * TERMS + a % TERMS] = x[a];
 }
 
-hada_status hada_sample_find_light(hada_sample *work, int own, hada_light *light, hada_error *err)
+/* The same of all channels, with a response; gain: exposures of the pairs, NULL: alike. */
+static void solve(equations *of, int response, const double *gain, double *weight)
+{
+    hada_sample *work = of->work;
+    for (int i = 0; i < work->count; i++) {
+        hada_pair_level_put(&work->level, i, work->depth[i], &work->frame[i], &work->scene[i][response]);
+        of->energy[i] = fmax(work->level.frame_energy[i], DBL_MIN);
+        of->rest[i] = 0.0;
+    }
+    if (gain)
+        hada_pair_level_brighten(&work->level, gain);
+    for (int c = 0; c < work->options.channels; c++)
+        solve_channel(of, c, weight);
+}
+
+/* Takes light off the frames of the level. */
+static void take_off(equations *of, const double *weight)
+{
+    hada_pair_level *level = &of->work->level;
+    const size_t plane = 2 * level->plane, channels = (size_t)level->channels;
+    for (size_t p = 0; p < (size_t)level->count; p++)
+        for (size_t c = 0; c < channels; c++)
+            for (size_t k = 0; k < TERMS; k++) {
+                const float w = (float)weight[((of->own ? p : 0) * channels + c) * TERMS + k];
+                for (size_t i = 0; i < plane; i++)
+                    level->frame[(p * channels + c) * plane + i] -= w * of->term[k * plane + i];
+            }
+}
+
+/* The same with exposures that differ: they are first found without low frequencies, where light is, and then from
+ * frames without the light that is found with them, in turns. */
+static void solve_apart(equations *of, int response, double *weight)
+{
+    hada_pair_level *level = &of->work->level;
+    double gain[HADA_SAMPLE_MOST], now[HADA_SAMPLE_MOST], unexplained[HADA_SAMPLE_MOST], room[HADA_SAMPLE_MOST];
+    solve(of, response, NULL, weight);
+    for (int k = 0; k < of->work->count; k++)
+        gain[k] = 1.0;
+    for (int turn = 0; turn < TURNS; turn++) {
+        level->sharp = !turn;
+        if (turn)
+            take_off(of, weight);
+        hada_pair_level_even(level, now, unexplained, room);
+        level->sharp = 0;
+        for (int k = 0; k < of->work->count; k++)
+            gain[k] *= now[k];
+        solve(of, response, gain, weight);
+    }
+}
+
+hada_status hada_sample_find_light(hada_sample *work, int own, int apart, hada_light *light, hada_error *err)
 {
     const size_t weights = (size_t)(own ? work->count : 1) * (size_t)work->options.channels * TERMS;
     equations of = {0};
@@ -151,13 +203,10 @@ hada_status hada_sample_find_light(hada_sample *work, int own, hada_light *light
     HADA_TRY_OR_DONE(begin(&of, work, own, err));
     for (int r = 0; r < work->tried; r++) {
         now = (hada_light){.weight = now.weight, .response = r};
-        for (int i = 0; i < work->count; i++) {
-            hada_pair_level_put(&work->level, i, work->depth[i], &work->frame[i], &work->scene[i][r]);
-            of.energy[i] = fmax(work->level.frame_energy[i], DBL_MIN);
-            of.rest[i] = 0.0;
-        }
-        for (int c = 0; c < work->options.channels; c++)
-            solve_channel(&of, c, now.weight);
+        if (apart)
+            solve_apart(&of, r, now.weight);
+        else
+            solve(&of, r, NULL, now.weight);
         for (int i = 0; i < work->count; i++)
             now.mean += log(fmax(of.rest[i], HADA_LEAST_SHARE * of.energy[i])) / work->count;
         if (now.mean < light->mean) {
@@ -180,8 +229,8 @@ void hada_light_free(hada_light *light)
 
 /* A group of pairs of a depth, from `first` on: their lights, to[pair][channel][TERMS]. `judges`: whether they are
  * worth it, into *found, and which response the others shall be looked at with. */
-static hada_status find_group(hada_sample *work, int depth, int first, int count, int judges, double *to, int *found,
-                              hada_error *err)
+static hada_status find_group(hada_sample *work, int depth, int first, int count, int judges, int apart, double *to,
+                              int *found, hada_error *err)
 {
     hada_light all = {0}, own = {0};
     hada_status status = HADA_OK;
@@ -190,9 +239,9 @@ static hada_status find_group(hada_sample *work, int depth, int first, int count
     *found = work->count == count; /* else pairs do not fit */
     if (!*found)
         goto done;
-    HADA_TRY_OR_DONE(hada_sample_find_light(work, 1, &own, err));
+    HADA_TRY_OR_DONE(hada_sample_find_light(work, 1, apart, &own, err));
     if (judges) {
-        HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, &all, err));
+        HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, apart, &all, err));
         *found = all.mean - own.mean > log(OWN_BETTER);
     }
     memcpy(to, own.weight, (size_t)count * (size_t)work->options.channels * TERMS * sizeof *to);
@@ -206,7 +255,7 @@ done:
     return status;
 }
 
-hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, double **light,
+hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, int apart, double **light,
                                     hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
@@ -229,7 +278,7 @@ hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_data
         const int count = info->counts[z], groups = (count + TOGETHER - 1) / TOGETHER;
         for (int g = 0; g < groups && found; g++, judges = 0) {
             const int first = count * g / groups, in_group = count * (g + 1) / groups - first;
-            HADA_TRY_OR_DONE(find_group(&work, z, first, in_group, judges, room, &found, err));
+            HADA_TRY_OR_DONE(find_group(&work, z, first, in_group, judges, apart, room, &found, err));
             for (int i = 0; i < in_group; i++)
                 memcpy(*light + (size_t)hada_pair_number(pairs, z, first + i) * each, room + (size_t)i * each,
                        each * sizeof *room);

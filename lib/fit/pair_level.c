@@ -87,7 +87,7 @@ int hada_reducer_fits(const hada_reducer *reducer, const hada_image *raw, const 
 #define FLOOR 1e-3
 /* Exposures from each other, after those from the light alone: on simulated and real pairs the third changed them by
  * less than a percent. */
-enum { ROUNDS = 3 };
+enum { ROUNDS = 3, LOW = 2 };
 /* An exposure this far from the others of its depth is none: a frame or a scene was dark. */
 #define MOST_GAIN 1e3
 
@@ -121,6 +121,13 @@ static double weight_of(const hada_pair_level *level, size_t i)
 {
     const size_t size = (size_t)level->fft.size, kx = i / size;
     return kx == 0 || 2 * kx == size ? 1.0 : 2.0;
+}
+
+/* Whether it is one of those where nearly all of a smooth surface is, cut off at the frame's edges. */
+static int is_low(const hada_pair_level *level, size_t i)
+{
+    const size_t size = (size_t)level->fft.size, ky = i % size;
+    return i / size <= LOW || ky <= LOW || size - ky <= LOW;
 }
 
 /* A channel into the real (0) or imaginary (1) part of the grid. Returns its sum. */
@@ -287,7 +294,8 @@ static void judge_channel(const hada_pair_level *level, int pair, int channel, d
     const float *scene = level->scene + first_of(level, pair, channel);
     const double taken = itself ? 0.0 : gain, mean = mean_power(level, frame, scene, taken);
     for (size_t i = 0; i < level->plane; i++) {
-        const double weight = weight_of(level, i), b[2] = {(double)frame[2 * i], (double)frame[2 * i + 1]};
+        const double weight = level->sharp && is_low(level, i) ? 0.0 : weight_of(level, i),
+                     b[2] = {(double)frame[2 * i], (double)frame[2 * i + 1]};
         double p[2];
         predict(level, frame, scene, taken, mean, i, p);
         const double off[2] = {b[0] - gain * p[0], b[1] - gain * p[1]};
@@ -369,4 +377,19 @@ void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexpl
     for (int round = 0; round < ROUNDS; round++)
         hada_pair_level_expose_again(level, gain, unexplained, room);
     hada_pair_level_judge(level, gain, 0, unexplained, NULL);
+}
+
+void hada_pair_level_even(hada_pair_level *level, double *gain, double *unexplained, double *room)
+{
+    for (int k = 0; k < level->count; k++)
+        gain[k] = 1.0;
+    for (int round = 0; round < ROUNDS; round++)
+        hada_pair_level_expose_again(level, gain, unexplained, room);
+}
+
+void hada_pair_level_brighten(hada_pair_level *level, const double *gain)
+{
+    for (int k = 0; k < level->count; k++)
+        for (size_t i = first_of(level, k, 0); i < first_of(level, k + 1, 0); i++)
+            level->scene[i] *= (float)gain[k];
 }

@@ -39,6 +39,7 @@ typedef struct hada_pair_level {
     double *frame_energy;      /* per pair: over all frequencies, both halves */
     double *frame_light, *scene_light;
     hada_judgement *judged;
+    int sharp;    /* 1: judged without low frequencies, where smooth light is */
     double *sums; /* room: of a channel, [plane][3] */
     float *work;  /* room: a transform */
 } hada_pair_level;
@@ -66,5 +67,8 @@ void hada_pair_level_expose_again(hada_pair_level *level, double *gain, double *
 /* Exposures of all pairs, from their light, then from each other, and what is unexplained with them. Their geometric
  * mean within a depth is 1. `room`: a number per pair. */
 void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexplained, double *room);
+/* Exposures of all pairs from each other alone; and scenes as bright as these say. */
+void hada_pair_level_even(hada_pair_level *level, double *gain, double *unexplained, double *room);
+void hada_pair_level_brighten(hada_pair_level *level, const double *gain);
 
 #endif

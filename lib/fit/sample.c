@@ -7,6 +7,9 @@
 #include "image/statistics.h"
 
 #define BETTER_ERRORS 2.0
+/* A pair that gains far more than most, such as a dark scene's without a dark level, counts as so many times the
+ * median: else it alone makes the mean uncertain. */
+#define MOST_OF_MEDIAN 2.0
 
 /* Reads pair number `pair` of a depth, its scene in all responses tried. */
 hada_status hada_sample_take_pair(hada_sample *work, int depth, int pair, hada_error *err)
@@ -108,10 +111,14 @@ double hada_sample_mean(const double *shares, int count)
 /* Whether so much less is left (a logarithm of each pair), surely. */
 int hada_sample_is_better(const double *less, int count, double by)
 {
-    double gain = 0.0, spread = 0.0;
+    double kept[HADA_SAMPLE_MOST], gain = 0.0, spread = 0.0;
+    memcpy(kept, less, (size_t)count * sizeof *less);
+    const double most = MOST_OF_MEDIAN * fmax(hada_median(kept, (size_t)count), 0.0);
+    for (int k = 0; k < count; k++) {
+        kept[k] = fmin(less[k], most);
+        gain += kept[k] / count;
+    }
     for (int k = 0; k < count; k++)
-        gain += less[k] / count;
-    for (int k = 0; k < count; k++)
-        spread += (less[k] - gain) * (less[k] - gain);
+        spread += (kept[k] - gain) * (kept[k] - gain);
     return gain > by && gain > BETTER_ERRORS * sqrt(spread / ((double)count * fmax(1.0, count - 1.0)));
 }

@@ -51,13 +51,14 @@ void hada_sample_compare(hada_sample *sample);
 
 /* Light in the frames that comes from no scene, a smooth surface in each channel: one for all, or (own) one for each
  * pair; weight: [1 or pair][channel][HADA_SMOOTH_TERMS]. It is that which leaves least of the pairs, each compared with
- * the others of its depth, with the response (its number) that leaves least: the mean logarithm of what is left. */
+ * the others of its depth, with the response (its number) that leaves least: the mean logarithm of what is left. apart:
+ * exposures of the pairs are found as well. */
 typedef struct hada_light {
     double *weight;
     int response;
     double mean;
 } hada_light;
-hada_status hada_sample_find_light(hada_sample *sample, int own, hada_light *light, hada_error *err);
+hada_status hada_sample_find_light(hada_sample *sample, int own, int apart, hada_light *light, hada_error *err);
 void hada_light_free(hada_light *light);
 
 /* The geometric mean: shares of one response differ by ten from pair to pair, and their mean is that of the worst. */

@@ -7,6 +7,7 @@
 #include "dataset/dataset.h"
 #include "fit/fitter.h"
 #include "fit/pair_level.h"
+#include "image/pixels.h"
 
 /* Of depths with fewer pairs nobody can say which is wrong; of many one does little harm. */
 enum { LEAST_PAIRS = 4, MOST_PAIRS = 32 };
@@ -64,10 +65,7 @@ typedef struct screening {
 
 float hada_fit_white(const hada_image *image)
 {
-    float most = 0.0f;
-    for (size_t i = 0; i < hada_image_count(image); i++)
-        most = fmaxf(most, image->data[i]);
-    return 0.999f * most;
+    return 0.999f * hada_image_brightest(image);
 }
 
 /* The share of values at white. */

@@ -111,25 +111,30 @@ TEST(matrices_are_inverted)
     assert_true(fabsf(planes[4] - (float)(0.05 * 1 + 0.25 * 3 + 0.7 * 5)) < 1e-6f);
 }
 
-/* By linear and by encoded scenes, with exposures that differ besides, and by mosaics; none of frames that are not
- * mixed, or whose scenes are grey, or where nobody shall look. */
+/* By linear and by encoded scenes, with exposures that differ besides, with a dark level, which is found as well, and
+ * by mosaics; none of frames that are not mixed, or whose scenes are grey, or where nobody shall look. */
 TEST(mixed_colours_are_found)
 {
     static const double none[HADA_COLOUR_MATRIX] = {0.0};
-    for (int k = 0; k < 8; k++) {
-        const int mixes = k != 3 && k != 7, found = k < 3 || k == 6;
+    for (int k = 0; k < 9; k++) {
+        const int mixes = k != 3 && k != 7, found = k < 3 || k == 6 || k == 8;
         DEFAULTS(hada_fit_options, fit);
         pairs set;
-        make_pairs(&set, mixes ? mixing : NULL, k == 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, k == 4, k >= 6);
+        make_pairs(&set, mixes ? mixing : NULL, k == 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, k == 4,
+                   k == 6 || k == 7);
         for (size_t i = 0; k == 2 && i < hada_image_count(&set.frame[1]); i++)
             set.frame[1].data[i] *= 0.6f;
-        for (int i = 0; k >= 6 && i < PAIRS; i++)
+        for (int i = 0; (k == 6 || k == 7) && i < PAIRS; i++)
             keep_mosaic(&set.frame[i]);
+        for (int i = 0; k == 8 && i < PAIRS * CHANNELS * AREA; i++)
+            set.frame[i / (CHANNELS * AREA)].data[i % (CHANNELS * AREA)] += 0.05f;
         fit.find_colours = k != 5;
         SCOPED(hada_model) *model = learn(&set, &fit);
         const double off = farthest(hada_model_get_info(model)->colour_matrix, found ? mixing : none);
-        print_message("%d: off by %.4f\n", k, off);
+        const double dark = hada_model_get_info(model)->dark;
+        print_message("%d: off by %.4f, dark level %.5f\n", k, off, dark);
         assert_true(off < (found ? 0.02 : 1e-12));
+        assert_true(k != 8 || fabs(dark - 0.05) < 0.001);
         free_pairs(&set);
     }
 }

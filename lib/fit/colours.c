@@ -5,10 +5,12 @@
  * Transfer functions and matrix in turns (alternating least squares), with the crop in the model: frames times the
  * inverse matrix give transfer functions, and these what the colours make; then each channel's row is the solution of
  * three normal equations. Pixels count in blocks, in which there is little noise: what transfer functions make of
- * scenes holds some of the noise that they were learned from. Means are left out, as a dark level may be there still.
- * Exposures that differ are found anew in each turn: by one channel, or by mixed colours, they look different. */
+ * scenes holds some of the noise that they were learned from. Smooth surfaces are left out, as light of the room or a
+ * dark level may be there still. Exposures that differ are found anew in each turn: by one channel, or by mixed
+ * colours, they look different. */
 #include "fit/look.h"
 #include "fit/pair_level.h"
+#include "image/correct.h"
 
 /* Pairs that are looked at, turns, pixels of a side of a block, and the change of a matrix that is none any more. */
 enum { PAIRS = 6, TURNS = 6, EXPOSED_TURNS = 16, BLOCK = 8 };
@@ -29,11 +31,12 @@ typedef struct colour_trial {
     double m[HADA_COLOUR_MATRIX];
 } colour_trial;
 
-/* Means of blocks of one channel, less their mean; plus: NULL, or added to it. */
+/* Means of blocks of one channel, less the smooth surface that is nearest to them; plus: NULL, or added to it. */
 static void reduce(const hada_fit_options *options, const float *channel, const float *plus, float *to)
 {
-    const int high = options->raw_rows / BLOCK, wide = options->raw_cols / BLOCK;
-    double mean = 0.0;
+    hada_image blocks = {1, options->raw_rows / BLOCK, options->raw_cols / BLOCK, to};
+    const int high = blocks.rows, wide = blocks.cols;
+    double surface[HADA_SMOOTH_TERMS];
     for (int r = 0; r < high; r++)
         for (int c = 0; c < wide; c++) {
             double sum = 0.0;
@@ -43,10 +46,9 @@ static void reduce(const hada_fit_options *options, const float *channel, const 
                 sum += (double)channel[at] + (plus ? (double)plus[at] : 0.0);
             }
             to[r * wide + c] = (float)(sum / (BLOCK * BLOCK));
-            mean += (double)to[r * wide + c] / ((double)high * wide);
         }
-    for (int i = 0; i < high * wide; i++)
-        to[i] -= (float)mean;
+    hada_smooth_nearest(to, high, wide, surface);
+    hada_smooth_add(surface, -1.0, &blocks);
 }
 
 static double product(const colour_trial *of, const float *a, const float *b)

@@ -15,9 +15,9 @@
  * pairs that have none and a model that explains them poorly 0.5. The same of light of each frame's own, where smooth
  * surfaces and noise do not count: at most 0.07, and 0.5 and more (perf/results/learning.md). */
 #define LIGHT 0.25
-/* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.14 on simulated cameras,
- * 4 to 1700 where they were linear. */
-#define ENCODED 0.5
+/* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
+ * 1.4 to 1700 where they were linear. */
+#define ENCODED 0.9
 #define SPOILT  2.0
 /* Frames that are nowhere brighter are not encoded: 10 or 12 bits in a file of 16. */
 #define DIM 0.1
@@ -349,15 +349,15 @@ hada_status hada_fit_left_share(const hada_fit_options *fit, hada_context *conte
     return HADA_OK;
 }
 
-/* The share that is left of held-out frames without the dark level or the light that all hold, whichever leaves less;
- * infinite where neither is found. */
+/* The share that is left of held-out frames without the dark level, the light that all hold, or light of each frame's
+ * own, whichever leaves least; infinite where none is found. */
 static hada_status left_dark(const hada_fit_options *callers, hada_context *context, const hada_dataset *pairs,
                              double *left, hada_error *err)
 {
     hada_fit_options fit = *callers;
-    hada_dataset *above = NULL;
+    hada_dataset *above = NULL, *unlit = NULL;
     hada_image surface = {0};
-    double with_surface = INFINITY;
+    double with_surface = INFINITY, with_own = INFINITY, *light = NULL;
     hada_status status = HADA_OK;
     *left = INFINITY;
     HADA_TRY_OR_DONE(hada_fit_find_dark(&fit, pairs, &surface, err));
@@ -368,8 +368,16 @@ static hada_status left_dark(const hada_fit_options *callers, hada_context *cont
         HADA_TRY_OR_DONE(hada_dataset_mend(&above, pairs, NULL, &surface, err));
         HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, above, &with_surface, err));
     }
-    *left = fmin(*left, with_surface);
+    fit.dark = 0.0;
+    HADA_TRY_OR_DONE(hada_fit_find_own_light(&fit, pairs, 1, &light, err));
+    if (light) {
+        HADA_TRY_OR_DONE(hada_dataset_unlit(&unlit, pairs, light, fit.channels, err));
+        HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, unlit, &with_own, err));
+    }
+    *left = fmin(*left, fmin(with_surface, with_own));
 done:
+    free(light);
+    hada_dataset_destroy(&unlit);
     hada_dataset_destroy(&above);
     hada_image_destroy(&surface);
     return status;

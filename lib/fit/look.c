@@ -2,7 +2,6 @@
 
 #include <hadalens/pixels.h>
 
-#include "core/numbers.h"
 #include "image/correct.h"
 #include "image/statistics.h"
 
@@ -90,29 +89,6 @@ done:
     return status;
 }
 
-/* The energy of the smooth surface that is nearest to a frame. */
-static double smooth_energy(const float *frame, int rows, int cols)
-{
-    enum { TERMS = HADA_SMOOTH_TERMS };
-    double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0}, term[TERMS], solution[TERMS], energy = 0.0;
-    for (int i = 0; i < rows * cols; i++) {
-        const double y = hada_smooth_place(i / cols + 0.5, rows), x = hada_smooth_place(i % cols + 0.5, cols);
-        for (int k = 0; k < TERMS; k++) {
-            term[k] = hada_smooth_term(k, y, x);
-            right[k] += term[k] * (double)frame[i];
-            for (int n = 0; n <= k; n++)
-                normal[k * TERMS + n] += term[k] * term[n];
-        }
-    }
-    memcpy(solution, right, sizeof right);
-    if (!hada_cholesky_factor(normal, TERMS))
-        return 0.0;
-    hada_cholesky_solve(normal, TERMS, solution);
-    for (int k = 0; k < TERMS; k++)
-        energy += right[k] * solution[k];
-    return energy;
-}
-
 /* The noise's energy in a channel of a frame. Of a mosaic: where colours were filled in by means of neighbours, it is a
  * half or a quarter of what it is at the channel's own pixels, which are rows x cols / 2 or half as many. */
 static hada_status noise_energy(const hada_look *at, const hada_image *frame, double *energy, hada_error *err)
@@ -140,7 +116,7 @@ static hada_status noise_energy(const hada_look *at, const hada_image *frame, do
 static hada_status left_sharp(const hada_look *at, int rows, int cols, double *left, hada_error *err)
 {
     const size_t area = (size_t)at->options->raw_rows * (size_t)at->options->raw_cols;
-    double each[HADA_LOOK_HELD], noise;
+    double each[HADA_LOOK_HELD], noise, surface[HADA_SMOOTH_TERMS];
     float *rest = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW_RAW(rest, (size_t)at->held * area, "frames", err));
@@ -148,9 +124,9 @@ static hada_status left_sharp(const hada_look *at, int rows, int cols, double *l
     *left = 0.0;
     for (int k = 0; k < at->held; k++) {
         HADA_TRY_OR_DONE(noise_energy(at, &at->raw[at->count - at->held + k], &noise, err));
-        *left += fmax(LEAST_OF_NOISE * noise,
-                      each[k] - noise -
-                          smooth_energy(rest + (size_t)k * area, at->options->raw_rows, at->options->raw_cols));
+        *left += fmax(LEAST_OF_NOISE * noise, each[k] - noise -
+                                                  hada_smooth_nearest(rest + (size_t)k * area, at->options->raw_rows,
+                                                                      at->options->raw_cols, surface));
     }
 done:
     free(rest);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/base.h"
+#include "core/numbers.h"
 #include "image/statistics.h"
 
 /* Of finite values, one at least, whose order changes. */
@@ -248,4 +249,28 @@ void hada_smooth_add(const double *weight, double times, hada_image *image)
         for (int row = 0; row < image->rows; row++)
             for (int col = 0; col < image->cols; col++, to++)
                 *to = (float)((double)*to + times * hada_smooth_at(weight, row, col, image->rows, image->cols));
+}
+
+double hada_smooth_nearest(const float *channel, int rows, int cols, double *weight)
+{
+    enum { TERMS = HADA_SMOOTH_TERMS };
+    double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0}, term[TERMS], energy = 0.0;
+    for (int i = 0; i < rows * cols; i++) {
+        const double y = hada_smooth_place(i / cols + 0.5, rows), x = hada_smooth_place(i % cols + 0.5, cols);
+        for (int k = 0; k < TERMS; k++) {
+            term[k] = hada_smooth_term(k, y, x);
+            right[k] += term[k] * (double)channel[i];
+            for (int n = 0; n <= k; n++)
+                normal[k * TERMS + n] += term[k] * term[n];
+        }
+    }
+    memcpy(weight, right, sizeof right);
+    if (!hada_cholesky_factor(normal, TERMS)) {
+        memset(weight, 0, sizeof right);
+        return 0.0;
+    }
+    hada_cholesky_solve(normal, TERMS, weight);
+    for (int k = 0; k < TERMS; k++)
+        energy += right[k] * weight[k];
+    return energy;
 }

@@ -82,4 +82,8 @@ double hada_smooth_at(const double *weight, int row, int col, int rows, int cols
 /* Adds the surfaces of all channels, weight[channel][HADA_SMOOTH_TERMS], so many times to an image. */
 void hada_smooth_add(const double *weight, double times, hada_image *image);
 
+/* The surface that is nearest to a channel in least squares, all 0 on a sensor that is too small for one. Its energy.
+ */
+double hada_smooth_nearest(const float *channel, int rows, int cols, double *weight);
+
 #endif

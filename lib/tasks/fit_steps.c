@@ -7,6 +7,7 @@
 #include "core/callers.h"
 #include "core/numbers.h"
 #include "fit/fitter.h"
+#include "image/correct.h"
 #include "io/tiff_page.h"
 #include "tasks/frames.h"
 
@@ -152,12 +153,40 @@ static void tell_colours(const hada_fit_options *fit, const hada_monitor *monito
                           m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]);
 }
 
-hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
-                            hada_fit_options *fit, hada_exposure exposure, const hada_communicator *ranks,
-                            const hada_monitor *monitor, hada_error *err)
+/* Light of each frame's own, found anew in the colours that are known now; where it is none, it stays. */
+static hada_status find_light_again(hada_mended *mended, const hada_fit_options *fit, hada_error *err)
+{
+    enum { EACH = HADA_COLOURS * HADA_SMOOTH_TERMS };
+    const size_t pairs = (size_t)mended->lit->store->pairs;
+    double *light = NULL;
+    const hada_dataset *lit;
+    hada_dataset *pure;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(purify(fit, mended->lit, &pure, &lit, err));
+    HADA_TRY_OR_DONE(hada_fit_find_own_light(fit, lit, mended->apart, &light, err));
+    for (size_t i = 0; light && i < pairs * EACH; i++) { /* as the sensor sees it */
+        const size_t first = i / EACH * EACH + i % HADA_SMOOTH_TERMS, channel = i % EACH / HADA_SMOOTH_TERMS;
+        mended->light[i] = 0.0;
+        for (size_t c = 0; c < HADA_COLOURS; c++)
+            mended->light[i] += fit->colour_matrix[channel * HADA_COLOURS + c] * light[first + c * HADA_SMOOTH_TERMS];
+    }
+done:
+    free(light);
+    hada_dataset_destroy(&pure);
+    return status;
+}
+
+hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended *mended, hada_context *context,
+                            const hada_dataset *data, hada_fit_options *fit, hada_exposure exposure,
+                            const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err)
 {
     const int given = hada_colours_known(fit->colour_matrix);
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
+    if (mended->unlit && !given && hada_colours_known(fit->colour_matrix)) {
+        HADA_TRY(find_light_again(mended, fit, err));
+        memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
+        HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
+    }
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
@@ -215,6 +244,8 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
     for (int apart = 0; apart < 2 && !better; apart++) { /* exposures that differ need more of the pairs */
         hada_dataset_destroy(&mended->unlit);
         free(mended->light);
+        mended->lit = lit;
+        mended->apart = apart;
         HADA_TRY(hada_fit_find_own_light(&open, lit, apart, &mended->light, err));
         if (!mended->light)
             continue;
@@ -222,8 +253,10 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
         HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->unlit, 1, &better, err));
     }
     HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
-    if (!better)
+    if (!better) {
+        hada_dataset_destroy(&mended->unlit);
         return HADA_OK;
+    }
     fit->find_dark = 0;
     fit->dark = 0.0;
     *data = mended->unlit;

@@ -18,7 +18,9 @@ typedef struct hada_mended {
     hada_dataset *sound, *above; /* without bad pixels; and without light that is in all frames */
     hada_image flat, dark;       /* of these */
     hada_dataset *unlit;         /* without light of each frame's own */
-    double *light;               /* that */
+    double *light;               /* that, as hada_fit_find_own_light() has it: exposures apart or not, */
+    int apart;
+    const hada_dataset *lit; /* of these pairs; not owned */
 } hada_mended;
 void hada_mended_free(hada_mended *mended);
 
@@ -34,10 +36,11 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
                           const hada_communicator *ranks, int surfaces, hada_error *err);
 
 /* Finds the response of the scenes and what the sensor sees of their colours, for `fit`, and exposures; *even: the
- * pairs of one exposure. */
-hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
-                            hada_fit_options *fit, hada_exposure exposure, const hada_communicator *ranks,
-                            const hada_monitor *monitor, hada_error *err);
+ * pairs of one exposure. Mixed colours make light of each frame's own, which `mended` has, less precise: it is found
+ * once more with them. */
+hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended *mended, hada_context *context,
+                            const hada_dataset *data, hada_fit_options *fit, hada_exposure exposure,
+                            const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err);
 
 /* The boundary, where neither the caller gave it nor camera.json says that it is circular, with a message that says
  * what was found; padded, a dark level that was found becomes more precise. */

@@ -357,8 +357,8 @@ static hada_status survey(learning *of, hada_context *context, hada_error *err)
                      (fit->find_colours && !hada_colours_known(fit->colour_matrix));
     if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
         return HADA_OK;
-    HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, context, of->data, fit, task->exposure, &of->ranks,
-                             task->monitor, err));
+    HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, &of->mended, context, of->data, fit, task->exposure,
+                             &of->ranks, task->monitor, err));
     of->report->report.survey = of->report->survey;
     of->data = of->even;
     return HADA_OK;

@@ -453,8 +453,8 @@ static hada_status survey(training *own, hada_context *context, hada_fit_options
     }
     if (!own->model)
         HADA_TRY(hada_fit_mend(&own->mended, &own->data, context, fit, &own->work.ranks, 1, err));
-    HADA_TRY(hada_fit_survey(&own->survey, &own->even, context, own->data, fit, HADA_EXPOSURE_AUTO, &own->work.ranks,
-                             task->monitor, err));
+    HADA_TRY(hada_fit_survey(&own->survey, &own->even, &own->mended, context, own->data, fit, HADA_EXPOSURE_AUTO,
+                             &own->work.ranks, task->monitor, err));
     return split(own, own->even, err);
 }
 

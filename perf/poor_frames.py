@@ -6,8 +6,8 @@ none: as simulated. hot: one pixel of a thousand at white. room: light of a room
 rooms: another one in each frame. srgb: 8 bits, encoded for displays. eight: 8 bits. level: a dark level of 6 %, 16 bits. black: cut
 off at black. exposures: each frame's own, 0.7 to 1.4. rows: an offset of each row, 1 % of full scale. gains: of each pixel, 2 %.
 white: the brightest 5 % cut off. corners: 60 % of the light is lost there. colours, few_colours: each channel of the sensor sees
-some of the others, up to a third or a twentieth; both_colours: a third, and each frame's own exposure. --frames: the pairs are as
-simulated. --mosaic: all cameras are in colour, behind a colour filter mosaic. Needs NumPy and tifffile."""
+some of the others, up to a third or a twentieth. stray: 3 % of white everywhere. dim: 0.7 times as bright. ten: 10 bits in a file of 16.
+Kinds joined by + come one after the other: exposures+dim+srgb. --frames: the pairs are as simulated. --mosaic: all cameras are in colour, behind a colour filter mosaic. Needs NumPy and tifffile."""
 import argparse
 import json
 import pathlib
@@ -28,7 +28,7 @@ CAMERAS = [
 ]
 MANY = np.array([[0.77, 0.19, 0.04], [0.13, 0.67, 0.2], [0.04, 0.25, 0.71]])
 FEW = np.array([[0.95, 0.05, 0], [0.05, 0.9, 0.05], [0, 0.05, 0.95]])
-COLOURS = {"colours": MANY, "few_colours": FEW, "both_colours": MANY}
+COLOURS = {"colours": MANY, "few_colours": FEW}
 WHITE = 0.8  # the brightest pixel of a camera's frames
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("hadalens", type=pathlib.Path)
@@ -45,37 +45,44 @@ def encoded(light):
     return np.where(light > 0.0031308, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055, 12.92 * light)
 
 
-def spoil(kind, frame, chance):
-    """The frame, at most WHITE, as a poor sensor gives it."""
+def spoil_once(kind, frame, chance):
     sensor = np.random.default_rng(5)
     rows, cols = frame.shape[:2]
     shape = (rows, cols) + (1,) * (frame.ndim - 2)
     y, x = (np.mgrid[:rows, :cols] / np.array([rows, cols])[:, None, None]).reshape(2, *shape)
     if kind in COLOURS:
-        frame = frame @ COLOURS[kind].T if frame.ndim == 3 else frame
-        frame = frame * chance.uniform(0.7, 1.4) if kind == "both_colours" else frame
-    elif kind == "hot":
-        frame = np.where(sensor.random(shape) < 0.001, 1.0, frame)
-    elif kind == "room":
-        frame = frame + 0.05 + 0.08 * x + 0.04 * y
-    elif kind == "rooms":
-        frame = frame + chance.uniform(0.01, 0.15) * (0.5 + chance.uniform(0, 1) * x + 0.4 * y)
-    elif kind == "exposures":
-        frame = frame * chance.uniform(0.7, 1.4)
-    elif kind == "rows":
-        frame = frame + chance.normal(0, 0.01, (rows, *(1,) * (frame.ndim - 1)))
-    elif kind == "gains":
-        frame = frame * (1 + sensor.normal(0, 0.02, shape))
-    elif kind == "white":
-        frame = np.minimum(frame, np.quantile(frame, 0.95))
-    elif kind == "corners":
-        frame = frame * (1 - 1.2 * ((x - 0.5) ** 2 + (y - 0.5) ** 2))
-    elif kind == "level":
-        frame = 0.9 * frame + 0.06
+        return frame @ COLOURS[kind].T if frame.ndim == 3 else frame
+    if kind == "hot":
+        return np.where(sensor.random(shape) < 0.001, 1.0, frame)
+    if kind == "room":
+        return frame + 0.05 + 0.08 * x + 0.04 * y
+    if kind == "rooms":
+        return frame + chance.uniform(0.01, 0.15) * (0.5 + chance.uniform(0, 1) * x + 0.4 * y)
+    if kind == "exposures":
+        return frame * chance.uniform(0.7, 1.4)
+    if kind == "rows":
+        return frame + chance.normal(0, 0.01, (rows, *(1,) * (frame.ndim - 1)))
+    if kind == "gains":
+        return frame * (1 + sensor.normal(0, 0.02, shape))
+    if kind == "white":
+        return np.minimum(frame, np.quantile(frame, 0.95))
+    if kind == "corners":
+        return frame * (1 - 1.2 * ((x - 0.5) ** 2 + (y - 0.5) ** 2))
+    if kind == "level":
+        return 0.9 * frame + 0.06
+    if kind in ("stray", "dim"):
+        return frame + 0.03 if kind == "stray" else 0.7 * frame
+    return frame
+
+
+def spoil(kinds, frame, chance):
+    """The frame, at most WHITE, as a poor sensor gives it."""
+    for kind in kinds.split("+"):
+        frame = spoil_once(kind, frame, chance)
     if kind in ("srgb", "eight"):
         return (np.clip(encoded(np.clip(frame, 0, 1)) if kind == "srgb" else frame, 0, 1) * 255 + 0.5).astype(np.uint8)
-    if kind in ("level", "black"):
-        return (np.clip(frame, 0, 1) * 65535 + 0.5).astype(np.uint16)
+    if kind in ("level", "black", "ten"):
+        return (np.clip(frame, 0, 1) * (1023 if kind == "ten" else 65535) + 0.5).astype(np.uint16)
     return frame.astype(np.float32)
 
 

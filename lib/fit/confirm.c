@@ -405,7 +405,9 @@ hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *con
 {
     hada_fit_options options = *fit;
     hada_image frames[HADA_LOOK_MOST] = {{0}}, scenes[HADA_LOOK_MOST] = {{0}};
-    hada_dataset *few = NULL, *decoded = NULL;
+    hada_dataset *few = NULL, *sound = NULL, *decoded = NULL;
+    hada_image flat = {0};
+    size_t found;
     float most = 0.0f;
     const int depth = hada_look_depth(fit, pairs);
     const int count = depth < fit->depths ? hada_least(hada_dataset_get_info(pairs)->counts[depth], HADA_LOOK_MOST) : 0;
@@ -422,10 +424,14 @@ hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *con
     if (most < DIM)
         goto done;
     HADA_TRY_OR_DONE(hada_dataset_from_images(&few, 1, options.distances_mm, &count, frames, scenes, err));
-    HADA_TRY_OR_DONE(hada_dataset_decode(&decoded, few, encoding, err));
-    HADA_TRY_OR_DONE(compare(&options, context, (const hada_dataset *const[]){few, decoded}, seem, err));
+    HADA_TRY_OR_DONE(hada_fit_find_bad_pixels(&options, few, &flat, &found, err));
+    HADA_TRY_OR_DONE(hada_dataset_mend(&sound, few, found ? &flat : NULL, NULL, err));
+    HADA_TRY_OR_DONE(hada_dataset_decode(&decoded, sound, encoding, err));
+    HADA_TRY_OR_DONE(compare(&options, context, (const hada_dataset *const[]){sound, decoded}, seem, err));
 done:
+    hada_image_destroy(&flat);
     hada_dataset_destroy(&decoded);
+    hada_dataset_destroy(&sound);
     hada_dataset_destroy(&few);
     for (int i = 0; i < count; i++) {
         hada_image_destroy(&frames[i]);

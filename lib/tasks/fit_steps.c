@@ -247,12 +247,12 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
         mended->lit = lit;
         mended->apart = apart;
         HADA_TRY(hada_fit_find_own_light(&open, lit, apart, &mended->light, err));
-        if (!mended->light)
-            continue;
-        HADA_TRY(hada_dataset_unlit(&mended->unlit, lit, mended->light, fit->channels, err));
-        HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->unlit, 1, &better, err));
+        if (mended->light) {
+            HADA_TRY(hada_dataset_unlit(&mended->unlit, lit, mended->light, fit->channels, err));
+            HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->unlit, 1, &better, err));
+        }
+        HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
     }
-    HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
     if (!better) {
         hada_dataset_destroy(&mended->unlit);
         return HADA_OK;

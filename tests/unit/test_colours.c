@@ -6,6 +6,7 @@
 #include "device_fixture.h"
 #include "fit/fit_sums.h"
 #include "image/colour_matrix.h"
+#include "image/correct.h"
 #include "image/mosaic.h"
 #include "model/model.h"
 
@@ -115,9 +116,11 @@ TEST(matrices_are_inverted)
  * by mosaics; none of frames that are not mixed, or whose scenes are grey, or where nobody shall look. */
 TEST(mixed_colours_are_found)
 {
+    static const double left[2][CHANNELS * HADA_SMOOTH_TERMS] = {{2, 0, 1, 1, 0, 0, 1, 0, 1, 0, 0, 0, -1, 0, 0, 1},
+                                                                 {-1, 1, 0, 0, 0, 0, 1, -1, 0, 0, 0, 0, 2, 1}};
     static const double none[HADA_COLOUR_MATRIX] = {0.0};
-    for (int k = 0; k < 9; k++) {
-        const int mixes = k != 3 && k != 7, found = k < 3 || k == 6 || k == 8;
+    for (int k = 0; k < 10; k++) {
+        const int mixes = k != 3 && k != 7, found = k < 3 || k == 6 || k >= 8;
         DEFAULTS(hada_fit_options, fit);
         pairs set;
         make_pairs(&set, mixes ? mixing : NULL, k == 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, k == 4,
@@ -128,6 +131,8 @@ TEST(mixed_colours_are_found)
             keep_mosaic(&set.frame[i]);
         for (int i = 0; k == 8 && i < PAIRS * CHANNELS * AREA; i++)
             set.frame[i / (CHANNELS * AREA)].data[i % (CHANNELS * AREA)] += 0.05f;
+        for (int i = 0; k == 9 && i < PAIRS; i++)
+            hada_smooth_add(left[i % 2], 0.01, &set.frame[i]);
         fit.find_colours = k != 5;
         SCOPED(hada_model) *model = learn(&set, &fit);
         const double off = farthest(hada_model_get_info(model)->colour_matrix, found ? mixing : none);

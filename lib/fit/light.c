@@ -141,8 +141,7 @@ static void solve_channel(equations *of, int channel, double *weight)
         weight[(a / TERMS * (size_t)work->options.channels + (size_t)channel) * TERMS + a % TERMS] = x[a];
 }
 
-/* The same of all channels, with a response; gain: exposures of the pairs, NULL: alike. */
-static void solve(equations *of, int response, const double *gain, double *weight)
+static void put_pairs(equations *of, int response)
 {
     hada_sample *work = of->work;
     for (int i = 0; i < work->count; i++) {
@@ -150,9 +149,15 @@ static void solve(equations *of, int response, const double *gain, double *weigh
         of->energy[i] = fmax(work->level.frame_energy[i], DBL_MIN);
         of->rest[i] = 0.0;
     }
+}
+
+/* The weights of all channels; gain: exposures of the pairs, NULL: alike. */
+static void solve(equations *of, int response, const double *gain, double *weight)
+{
+    put_pairs(of, response);
     if (gain)
-        hada_pair_level_brighten(&work->level, gain);
-    for (int c = 0; c < work->options.channels; c++)
+        hada_pair_level_brighten(&of->work->level, gain);
+    for (int c = 0; c < of->work->options.channels; c++)
         solve_channel(of, c, weight);
 }
 
@@ -176,7 +181,7 @@ static void solve_apart(equations *of, int response, double *weight)
 {
     hada_pair_level *level = &of->work->level;
     double gain[HADA_SAMPLE_MOST], now[HADA_SAMPLE_MOST], unexplained[HADA_SAMPLE_MOST], room[HADA_SAMPLE_MOST];
-    solve(of, response, NULL, weight);
+    put_pairs(of, response);
     for (int k = 0; k < of->work->count; k++)
         gain[k] = 1.0;
     for (int turn = 0; turn < TURNS; turn++) {

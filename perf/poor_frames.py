@@ -6,8 +6,9 @@ none: as simulated. hot: one pixel of a thousand at white. room: light of a room
 rooms: another one in each frame. srgb: 8 bits, encoded for displays. eight: 8 bits. level: a dark level of 6 %, 16 bits. black: cut
 off at black. exposures: each frame's own, 0.7 to 1.4. rows: an offset of each row, 1 % of full scale. gains: of each pixel, 2 %.
 white: the brightest 5 % cut off. corners: 60 % of the light is lost there. colours, few_colours: each channel of the sensor sees
-some of the others, up to a third or a twentieth. stray: 3 % of white everywhere. dim: 0.7 times as bright. ten: 10 bits in a file of 16.
-Kinds joined by + come one after the other: exposures+dim+srgb. --frames: the pairs are as simulated. --mosaic: all cameras are in colour, behind a colour filter mosaic. Needs NumPy and tifffile."""
+some of the others, up to a third or a twentieth. stray: 3 % of white everywhere. dim: 0.7 times as bright. ten: 10 bits in a file
+of 16. Kinds joined by + come one after the other: exposures+dim+srgb. --frames: the pairs are as simulated. --mosaic: all cameras
+are in colour, behind a colour filter mosaic. Needs NumPy and tifffile."""
 import argparse
 import json
 import pathlib

@@ -18,7 +18,8 @@
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
  * 1.4 to 1700 where they were linear. */
 #define ENCODED 0.9
-#define SPOILT  2.0
+/* Where decoded frames leave so much more, a dark level or light makes no difference to that. */
+#define SPOILT 2.0
 /* Frames that are nowhere brighter are not encoded: 10 or 12 bits in a file of 16. */
 #define DIM 0.1
 

@@ -101,7 +101,7 @@ hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_data
 hada_status hada_fit_seem_encoded(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                   double encoding, int *seem, hada_error *err);
 /* What is left of held-out frames with the response, if it is open, and the exposures that leave least, over the
- * variance of the frames of the first depth. */
+ * variance of the frames of the depth that is looked at. */
 hada_status hada_fit_left_share(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                 double *share, hada_error *err);
 /* Compares what a survey chose with other responses, and with exposures alike, as boundaries are compared: with the

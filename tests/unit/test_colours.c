@@ -112,8 +112,9 @@ TEST(matrices_are_inverted)
     assert_true(fabsf(planes[4] - (float)(0.05 * 1 + 0.25 * 3 + 0.7 * 5)) < 1e-6f);
 }
 
-/* By linear and by encoded scenes, with exposures that differ besides, with a dark level, which is found as well, and
- * by mosaics; none of frames that are not mixed, or whose scenes are grey, or where nobody shall look. */
+/* By linear and by encoded scenes, with exposures that differ besides, with a dark level, which is found as well,
+ * with smooth light left in frames, and by mosaics; none of frames that are not mixed, or whose scenes are grey, or
+ * where nobody shall look. */
 TEST(mixed_colours_are_found)
 {
     static const double left[2][CHANNELS * HADA_SMOOTH_TERMS] = {{2, 0, 1, 1, 0, 0, 1, 0, 1, 0, 0, 0, -1, 0, 0, 1},

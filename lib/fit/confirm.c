@@ -306,14 +306,15 @@ done:
 }
 
 hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
-                                  const hada_dataset *dark, int own, int *better, hada_error *err)
+                                  const hada_dataset *dark, int own, double *before, int *better, hada_error *err)
 {
     hada_fit_options without = *fit;
-    double before = 0.0, after = 0.0;
+    double after = 0.0;
     without.dark = 0.0;
-    HADA_TRY(left_of(fit, context, lit, own, &before, err));
+    if (*before == 0.0)
+        HADA_TRY(left_of(fit, context, lit, own, before, err));
     HADA_TRY(left_of(&without, context, dark, own, &after, err));
-    *better = after < LIGHT * before;
+    *better = after < LIGHT * *before;
     return HADA_OK;
 }
 

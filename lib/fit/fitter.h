@@ -117,9 +117,10 @@ hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *con
 hada_status hada_survey_agree(hada_survey *survey, const hada_communicator *ranks, const hada_dataset *pairs,
                               hada_error *err);
 /* Whether pairs without light that was found, `dark`, are clearly better explained than with it. own: each frame had
- * light of its own, which held-out frames have as well: what is left of them counts but for smooth surfaces. */
+ * light of its own, which held-out frames have as well: what is left of them counts but for smooth surfaces. *before:
+ * what is left with the light; 0: not known yet. */
 hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
-                                  const hada_dataset *dark, int own, int *better, hada_error *err);
+                                  const hada_dataset *dark, int own, double *before, int *better, hada_error *err);
 /* Makes a row the chosen one, with the exposures of another survey of the same pairs, which gets those that were there;
  * NULL: they are alike. */
 void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_survey *exposures);

@@ -213,10 +213,10 @@ void hada_mended_free(hada_mended *mended)
 static hada_status darken(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
                           const hada_communicator *ranks, hada_error *err)
 {
-    double mean = 0.0;
+    double mean = 0.0, before = 0.0;
     int better;
     HADA_TRY(hada_dataset_mend(&mended->above, *data, NULL, &mended->dark, err));
-    HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->above, 0, &better, err));
+    HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->above, 0, &before, &better, err));
     HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
     fit->find_dark = better || fit->dark > 0.0;
     if (!better)
@@ -239,6 +239,7 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
                                hada_error *err)
 {
     hada_fit_options open = *fit;
+    double before = 0.0;
     int better = 0;
     open.dark = 0.0;
     for (int apart = 0; apart < 2 && !better; apart++) { /* exposures that differ need more of the pairs */
@@ -249,7 +250,7 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
         HADA_TRY(hada_fit_find_own_light(&open, lit, apart, &mended->light, err));
         if (mended->light) {
             HADA_TRY(hada_dataset_unlit(&mended->unlit, lit, mended->light, fit->channels, err));
-            HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->unlit, 1, &better, err));
+            HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->unlit, 1, &before, &better, err));
         }
         HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
     }

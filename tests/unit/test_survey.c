@@ -268,6 +268,7 @@ TEST(light_of_each_frame_is_found)
         double room[DEPTHS * PAIRS * EACH], *light = NULL;
         DEFAULTS(hada_dataset_options, how);
         hada_random random;
+        double before = 0.0;
         int better = 0;
         pairs set;
         make_pairs(&set, HADA_RESPONSE_LINEAR, k == 4, 0.003, 71 + (uint64_t)k);
@@ -286,7 +287,7 @@ TEST(light_of_each_frame_is_found)
         ASSERT_OK(hada_fit_find_own_light(&options, data, k == 4, &light, err));
         if (light) {
             ASSERT_OK(hada_dataset_unlit(&unlit, data, light, CHANNELS, err));
-            ASSERT_OK(hada_fit_confirm_dark(&options, context, data, unlit, 1, &better, err));
+            ASSERT_OK(hada_fit_confirm_dark(&options, context, data, unlit, 1, &before, &better, err));
         }
         assert_int_equal(better, k >= 2);
         for (int i = 0; i < DEPTHS * PAIRS && better; i++) {

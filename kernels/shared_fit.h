@@ -16,9 +16,6 @@ enum {
     HADA_FIT_TRIALS = 5   /* settings that are tried at once, which share what is read */
 };
 
-/* Values of a frame from here on are not known: a pixel of a colour filter mosaic holds one colour. */
-#define HADA_FIT_UNKNOWN 1e38f
-
 /* The image of a channel among the spectra, and the layout of its sums. */
 typedef struct hada_fit_image {
     hada_ulong first;   /* complex numbers before it */

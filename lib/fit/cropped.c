@@ -213,8 +213,8 @@ hada_status hada_fit_cropped_next(hada_fit_cropped *own, int *more, hada_error *
 }
 
 /* What transfer functions leave of a frame, in own->frame; its squares are added to the partial sums. */
-static hada_status subtract(hada_fit_cropped *own, const hada_buffer *transfers, cl_mem raw, cl_mem scene_spectrum,
-                            hada_error *err)
+static hada_status subtract(hada_fit_cropped *own, const hada_buffer *transfers, cl_mem raw, cl_mem weights,
+                            cl_mem scene_spectrum, hada_error *err)
 {
     const hada_fit_grid *grid = own->grid;
     const int channels = grid->info.channels;
@@ -223,19 +223,21 @@ static hada_status subtract(hada_fit_cropped *own, const hada_buffer *transfers,
     const hada_range chunks = hada_range_of(own->chunks, local, (size_t)channels, 1);
     const double all = (double)channels * (double)own->pixels;
     HADA_TRY(hada_fft_inverse(own->inverse, channels, scene_spectrum, 0, own->frame.mem, 0, &model, err));
-    hada_slot_cost(grid->slot, 12.0 * all, 3.0 * all);
+    hada_slot_cost(grid->slot, (weights ? 16.0 : 12.0) * all, 3.0 * all);
     return hada_launch_fit_remain(grid->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &chunks, err, .e = own->frame.mem,
-                                  .b = raw, .out = own->partial.mem, .pixels = own->pixels, .chunks = own->chunks);
+                                  .b = raw, .weights = weights, .weighted = weights != NULL, .out = own->partial.mem,
+                                  .pixels = own->pixels, .chunks = own->chunks);
 }
 
-hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, hada_error *err)
+hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem weights, cl_mem scene_spectrum,
+                                  hada_error *err)
 {
     const hada_fit_grid *grid = own->grid;
     const int channels = grid->info.channels;
     const size_t vectors = hada_divide_up((size_t)channels * grid->layout.count, HADA_FIT_VECTOR);
     const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
     const double values = (double)vectors * HADA_FIT_VECTOR;
-    HADA_TRY(subtract(own, &own->transfers, raw, scene_spectrum, err));
+    HADA_TRY(subtract(own, &own->transfers, raw, weights, scene_spectrum, err));
     HADA_TRY(hada_fft_forward(own->pair->raw_fft, channels, own->frame.mem, 0, own->pair->raw_spectrum.mem, 0, err));
     hada_slot_cost(grid->slot, 32.0 * values, 10.0 * values);
     return hada_launch_fit_gather(grid->slot, HADA_FIT_PROGRAM(FIT_WINDOW, 0, hada_fit_in_groups(grid)), &range, err,
@@ -243,11 +245,11 @@ hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scen
                                   .vectors = vectors);
 }
 
-hada_status hada_fit_cropped_explain(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, double *left,
-                                     float *rest, hada_error *err)
+hada_status hada_fit_cropped_explain(hada_fit_cropped *own, cl_mem raw, cl_mem weights, cl_mem scene_spectrum,
+                                     double *left, float *rest, hada_error *err)
 {
     HADA_TRY(hada_buffer_clear(&own->partial, own->grid->slot, 0, own->partial.bytes, err));
-    HADA_TRY(subtract(own, &own->result, raw, scene_spectrum, err));
+    HADA_TRY(subtract(own, &own->result, raw, weights, scene_spectrum, err));
     if (rest)
         HADA_TRY(hada_buffer_read(&own->frame, own->grid->slot, 0, rest, own->frame.bytes, err));
     return read_left(own, left, err);

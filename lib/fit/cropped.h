@@ -11,8 +11,9 @@
  * that share V: the linearised method of multipliers (Z. Lin et al., NIPS 2011). What lies half beyond the sensor comes
  * slowly, so that every third step is longer: 1, 3, 1 leaves (1 - s)^2 (1 - 3 s) of an error whose share s the sensor
  * sees, which is below 1 in magnitude for all s in (0, 1]. docs/explanation/learning-a-camera.md has the figures.
- * Of a colour filter mosaic, crop takes away the values that a pixel does not hold as well; the sums have what was
- * filled in for them. Results are the same bits at every run, whether pairs are kept on the device or brought again. */
+ * Of a colour filter mosaic, crop takes away the values that a pixel does not hold as well, and of saturated ones the
+ * prediction is taken where it is larger; the sums have what was filled in, and saturated values as they are. Results
+ * are the same bits at every run, whether pairs are kept on the device or brought again. */
 #ifndef HADA_FIT_CROPPED_H
 #define HADA_FIT_CROPPED_H
 
@@ -39,9 +40,10 @@ hada_status hada_fit_cropped_begin(hada_fit_cropped *cropped, int64_t pairs, con
 /* Whether another pass is to come; if so it begins. */
 hada_status hada_fit_cropped_next(hada_fit_cropped *cropped, int *more, hada_error *err);
 
-/* A pair of this pass: pixels of the frame and spectra of the scene, of all channels; pair->raw_spectrum is
- * overwritten. */
-hada_status hada_fit_cropped_pair(hada_fit_cropped *cropped, cl_mem raw, cl_mem scene_spectrum, hada_error *err);
+/* A pair of this pass: pixels of the frame, their weights (NULL: all alike) and spectra of the scene, of all channels;
+ * pair->raw_spectrum is overwritten. */
+hada_status hada_fit_cropped_pair(hada_fit_cropped *cropped, cl_mem raw, cl_mem weights, cl_mem scene_spectrum,
+                                  hada_error *err);
 
 /* After the passes: the transfer functions of all channels, enqueued, [channel][layout.count]. raw_energy: per channel,
  * the mean over frequencies of Sbb; noise: per channel, receives |N|^2 of what is left of a frame, 0 where one pair
@@ -50,8 +52,8 @@ hada_status hada_fit_cropped_end(hada_fit_cropped *cropped, const double *raw_en
                                  const hada_buffer **transfers, hada_error *err);
 
 /* After the end: the sum of squares that the transfer functions leave of a frame; and (unless NULL) all its pixels. */
-hada_status hada_fit_cropped_explain(hada_fit_cropped *cropped, cl_mem raw, cl_mem scene_spectrum, double *left,
-                                     float *rest, hada_error *err);
+hada_status hada_fit_cropped_explain(hada_fit_cropped *cropped, cl_mem raw, cl_mem weights, cl_mem scene_spectrum,
+                                     double *left, float *rest, hada_error *err);
 
 /* Of the last pass: the sum of squares of what the model left, over all pairs, per channel. */
 const double *hada_fit_cropped_left(const hada_fit_cropped *cropped);

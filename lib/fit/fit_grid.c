@@ -150,7 +150,9 @@ static hada_status make_host_side(hada_fit_pair *pair, hada_error *err)
     const size_t channels = (size_t)grid->info.channels, raw = hada_fit_raw_floats(grid);
     HADA_TRY(HADA_NEW_RAW(pair->raw_pixels, raw, "a raw frame", err));
     HADA_TRY(HADA_NEW_RAW(pair->scene_pixels, hada_fit_window_floats(grid), "a scene", err));
+    HADA_TRY(HADA_NEW_RAW(pair->raw_weights, raw, "the weights of pixels", err));
     HADA_TRY(HADA_NEW_RAW(pair->scratch, raw / channels, "a raw frame", err));
+    HADA_TRY(HADA_NEW(pair->cut_off, channels, "a fitter", err));
     HADA_TRY(HADA_NEW(pair->raw_energy, channels, "a fitter", err));
     return HADA_NEW(pair->scene_energy, channels, "a fitter", err);
 }
@@ -190,8 +192,9 @@ void hada_fit_pair_destroy(hada_fit_pair *pair)
 {
     hada_fft_destroy(&pair->raw_fft);
     hada_fft_destroy(&pair->scene_fft);
-    HADA_DESTROY_BUFFERS(&pair->raw, &pair->scene, &pair->raw_spectrum, &pair->scene_spectrum);
-    HADA_FREE(pair->raw_pixels, pair->scene_pixels, pair->raw_energy, pair->scene_energy, pair->scratch);
+    HADA_DESTROY_BUFFERS(&pair->raw, &pair->scene, &pair->weights, &pair->raw_spectrum, &pair->scene_spectrum);
+    HADA_FREE(pair->raw_pixels, pair->scene_pixels, pair->raw_weights, pair->cut_off, pair->raw_energy,
+              pair->scene_energy, pair->scratch);
     *pair = (hada_fit_pair){0};
 }
 
@@ -262,6 +265,26 @@ static double dark_of(const hada_model_info *info, int channel, const float *fra
     return hada_dark_estimate(frame, count, room);
 }
 
+/* Of pixels of the sensor's colours: a channel's values are saturated where many are its largest one. */
+static void weigh(hada_fit_pair *pair)
+{
+    const hada_model_info *info = &pair->grid->info;
+    const int mosaic = info->mosaic != HADA_MOSAIC_NONE;
+    const size_t cols = (size_t)info->raw_cols, plane = (size_t)info->raw_rows * cols;
+    pair->weighted = mosaic;
+    for (int c = 0; c < info->channels; c++) {
+        pair->cut_off[c] = hada_cut_off_value(pair->raw_pixels + (size_t)c * plane, plane);
+        pair->weighted |= isfinite(pair->cut_off[c]);
+    }
+    for (int c = 0; pair->weighted && c < info->channels; c++)
+        for (size_t i = 0, k = (size_t)c * plane; i < plane; i++, k++) {
+            const int held = !mosaic || hada_mosaic_channel(info->mosaic, (int)(i / cols), (int)(i % cols)) == c;
+            pair->raw_weights[k] = !held ? 0.0f : pair->raw_pixels[k] == pair->cut_off[c] ? -1.0f : 1.0f;
+        }
+    if (pair->weighted && hada_colours_known(info->colour_matrix))
+        hada_colours_weigh(pair->raw_weights, info->raw_rows, info->raw_cols, info->mosaic);
+}
+
 void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene)
 {
     const hada_model_info *info = &pair->grid->info;
@@ -282,6 +305,7 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
             pair->scene_energy[c] = energy_of(light, window);
         }
     }
+    weigh(pair);
     hada_colours_unmix(pair->raw_pixels, raw_area, info->colour_matrix);
     for (int c = 0; c < info->channels && hada_colours_known(info->colour_matrix); c++)
         pair->raw_energy[c] = energy_of(pair->raw_pixels + (size_t)c * raw_area, raw_area);

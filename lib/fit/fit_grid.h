@@ -83,12 +83,17 @@ typedef struct hada_fit_pair {
     const hada_fit_grid *grid;
     hada_fft *raw_fft, *scene_fft;
     hada_buffer raw, scene;                   /* pixels on the device */
+    hada_buffer weights;                      /* for those who need raw_weights there; empty until then */
     hada_buffer raw_spectrum, scene_spectrum; /* B and X, [channel][layout.count] complex */
     float *raw_pixels, *scene_pixels;         /* the same pixels on the host */
-    double *raw_energy, *scene_energy;        /* per channel: sum of squared pixels, by Parseval's theorem the mean over
-                                                 frequencies of |B|^2 and |X|^2 */
-    float *scratch;                           /* a channel of a frame */
-    uint64_t bytes;                           /* of device memory */
+    float *raw_weights; /* of the frame's values, as hada_refine_data has them: 1, 0 for colours that a pixel of a
+                           mosaic does not hold, below 0 for saturated values */
+    float *cut_off;     /* per channel: the value at which it is saturated; infinite: it is not */
+    int weighted;       /* 0: all weights are 1, and not written */
+    double *raw_energy, *scene_energy; /* per channel: sum of squared pixels, by Parseval's theorem the mean over
+                                          frequencies of |B|^2 and |X|^2 */
+    float *scratch;                    /* a channel of a frame */
+    uint64_t bytes;                    /* of device memory */
 } hada_fit_pair;
 
 hada_status hada_fit_pair_create(hada_fit_pair *pair, const hada_fit_grid *grid, hada_error *err);

@@ -31,6 +31,7 @@ struct hada_fitter {
     hada_fit_pair pair; /* that is being added or looked at */
     hada_fit_sums sums;
     int reduced; /* the sums are those of all ranks */
+    int cut_off; /* frames that were scored have saturated values */
     /* what the last finish has chosen on pairs held out */
     hada_leave_one_out scores;
     hada_fit_kept kept;

@@ -340,18 +340,23 @@ hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int de
         return HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(own.raw = hada_alloc_raw(pair->raw.bytes, 1, "a raw frame", err)));
     HADA_TRY_OR_DONE(hada_allocated(own.scene = hada_alloc_raw(pair->scene.bytes, 1, "a scene", err)));
+    if (pair->weighted) {
+        HADA_TRY_OR_DONE(
+            hada_allocated(own.weights = hada_alloc_raw(pair->raw.bytes, 1, "the weights of pixels", err)));
+        memcpy(own.weights, pair->raw_weights, pair->raw.bytes);
+    }
     memcpy(own.raw, pair->raw_pixels, pair->raw.bytes);
     memcpy(own.scene, pair->scene_pixels, pair->scene.bytes);
     kept->pair[kept->count++] = own;
 done:
     if (status)
-        free(own.raw);
+        HADA_FREE(own.raw, own.scene);
     return status;
 }
 
 void hada_fit_kept_free(hada_fit_kept *kept)
 {
     for (int k = 0; k < kept->count; k++)
-        HADA_FREE(kept->pair[k].raw, kept->pair[k].scene, kept->pair[k].transfers);
+        HADA_FREE(kept->pair[k].raw, kept->pair[k].scene, kept->pair[k].weights, kept->pair[k].transfers);
     *kept = (hada_fit_kept){0};
 }

@@ -68,6 +68,7 @@ enum { HADA_FIT_KEPT = 4 };
 typedef struct hada_fit_kept_pair {
     int depth, number;  /* which pair of the data set it is */
     float *raw, *scene; /* pixels, dark level off */
+    float *weights;     /* of the frame's values, as hada_fit_pair has them; NULL: all alike */
     float *transfers;   /* its depth's, learned without it, as the device has them; NULL: from the sums without it */
 } hada_fit_kept_pair;
 

@@ -1,13 +1,11 @@
 #include "fit/cropped.h"
-#include "image/mosaic.h"
-#include "image/statistics.h"
 
 /* The part of the device's memory that pairs may take. */
 enum { MEMORY_SHARE = 4 };
 
 /* A pair on the device. */
 typedef struct stored {
-    hada_buffer raw, spectrum; /* pixels of the frame, X */
+    hada_buffer raw, weights, spectrum; /* pixels of the frame, their weights (empty: all alike), X */
 } stored;
 
 typedef struct passes {
@@ -29,49 +27,31 @@ void hada_fit_transfers_free(hada_fit_transfers *transfers)
     *transfers = (hada_fit_transfers){0};
 }
 
-/* Of a mosaic, the values that were filled in become unknown. */
-static void forget_filled(hada_fit_pair *pair)
+/* The pair that was read, to the device: the frame's pixels, their weights and the scene's spectra. */
+static hada_status upload(hada_fit_pair *pair, hada_buffer *raw, hada_buffer *weights, const hada_buffer *spectrum,
+                          hada_error *err)
 {
-    const hada_model_info *info = &pair->grid->info;
-    const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols;
-    for (int c = 0; info->mosaic != HADA_MOSAIC_NONE && c < info->channels; c++)
-        for (size_t i = 0; i < plane; i++)
-            if (hada_mosaic_channel(info->mosaic, (int)(i / (size_t)info->raw_cols),
-                                    (int)(i % (size_t)info->raw_cols)) != c)
-                pair->raw_pixels[(size_t)c * plane + i] = HADA_FIT_UNKNOWN;
-}
-
-/* Values that are cut off at the largest one of a channel become unknown. */
-static void forget_saturated(hada_fit_pair *pair)
-{
-    const hada_model_info *info = &pair->grid->info;
-    const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols;
-    for (int c = 0; c < info->channels; c++) {
-        float *values = pair->raw_pixels + (size_t)c * plane;
-        const float largest = hada_cut_off_value(values, plane);
-        for (size_t i = 0; i < plane; i++)
-            if (values[i] == largest)
-                values[i] = HADA_FIT_UNKNOWN;
-    }
-}
-
-/* The pair that was read, to the device: the frame's pixels and the scene's spectra. */
-static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spectrum, hada_error *err)
-{
-    hada_fit_pair *pair = with->from->pair;
     hada_slot *slot = pair->grid->slot;
-    forget_saturated(pair);
-    forget_filled(pair);
     HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
+    if (pair->weighted && !weights->bytes)
+        HADA_TRY(hada_buffer_create(weights, slot->context, pair->raw.bytes, "the weights of pixels", err));
+    if (pair->weighted)
+        HADA_TRY(hada_buffer_write(weights, slot, 0, pair->raw_weights, pair->raw.bytes, err));
     HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));
     return hada_fft_forward(pair->scene_fft, pair->grid->info.channels, pair->scene.mem, 0, spectrum->mem, 0, err);
+}
+
+/* Of the pair that was taken to the device with its own buffers. */
+static cl_mem weights_of(const hada_fit_pair *pair)
+{
+    return pair->weighted ? pair->weights.mem : NULL;
 }
 
 static void release(passes *with)
 {
     hada_slot_finish(with->from->pair->grid->slot, NULL);
     for (int64_t i = 0; with->stored && i < with->count; i++)
-        HADA_DESTROY_BUFFERS(&with->stored[i].raw, &with->stored[i].spectrum);
+        HADA_DESTROY_BUFFERS(&with->stored[i].raw, &with->stored[i].weights, &with->stored[i].spectrum);
     free(with->stored);
     with->stored = NULL;
 }
@@ -81,7 +61,7 @@ static hada_status reserve(passes *with, hada_error *err)
 {
     const hada_fit_pair *pair = with->from->pair;
     hada_context *context = pair->grid->slot->context;
-    const double each = (double)pair->raw.bytes + (double)pair->scene_spectrum.bytes;
+    const double each = 2.0 * (double)pair->raw.bytes + (double)pair->scene_spectrum.bytes;
     if ((double)with->count * each > (double)(context->info.memory_bytes / MEMORY_SHARE))
         return HADA_OK;
     HADA_TRY(HADA_NEW(with->stored, (size_t)with->count, "pairs", err));
@@ -118,7 +98,8 @@ static hada_status open_depth(passes *with, int z, hada_error *err)
     for (int64_t i = 0; i < with->count; i++) {
         HADA_TRY(hada_fit_read(with->from, z, i, i + 1, err));
         if (with->stored)
-            HADA_TRY(upload(with, &with->stored[i].raw, &with->stored[i].spectrum, err));
+            HADA_TRY(upload(with->from->pair, &with->stored[i].raw, &with->stored[i].weights, &with->stored[i].spectrum,
+                            err));
     }
     return hada_fit_reader_check(with->from, z, with->sums->depth[z].raw_energy, err);
 }
@@ -155,17 +136,18 @@ static hada_status hold_out(passes *with, int out, int64_t *left, hada_error *er
 
 static hada_status pass(passes *with, int out, hada_error *err)
 {
+    hada_fit_pair *pair = with->from->pair;
     for (int64_t i = 0; i < with->count; i++) {
         if (is_left_out(with, i, out))
             continue;
         if (with->stored) {
-            HADA_TRY(hada_fit_cropped_pair(with->cropped, with->stored[i].raw.mem, with->stored[i].spectrum.mem, err));
+            const stored *at = &with->stored[i];
+            HADA_TRY(hada_fit_cropped_pair(with->cropped, at->raw.mem, at->weights.mem, at->spectrum.mem, err));
             continue;
         }
         HADA_TRY(hada_fit_read(with->from, with->z, i, i + 1, err));
-        HADA_TRY(upload(with, &with->from->pair->raw, &with->from->pair->scene_spectrum, err));
-        HADA_TRY(
-            hada_fit_cropped_pair(with->cropped, with->from->pair->raw.mem, with->from->pair->scene_spectrum.mem, err));
+        HADA_TRY(upload(pair, &pair->raw, &pair->weights, &pair->scene_spectrum, err));
+        HADA_TRY(hada_fit_cropped_pair(with->cropped, pair->raw.mem, weights_of(pair), pair->scene_spectrum.mem, err));
     }
     return HADA_OK;
 }
@@ -327,8 +309,9 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, 
     }
     for (int k = 0; k < hada_dataset_get_info(held->pairs)->pairs; k++) {
         HADA_TRY_OR_DONE(hada_fit_read(held, 0, k, -1, err));
-        HADA_TRY_OR_DONE(upload(&with, &pair->raw, &pair->scene_spectrum, err));
-        HADA_TRY_OR_DONE(hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &left[k],
+        HADA_TRY_OR_DONE(upload(pair, &pair->raw, &pair->weights, &pair->scene_spectrum, err));
+        HADA_TRY_OR_DONE(hada_fit_cropped_explain(with.cropped, pair->raw.mem, weights_of(pair),
+                                                  pair->scene_spectrum.mem, &left[k],
                                                   rest ? rest + (size_t)k * floats : NULL, err));
     }
 done:

@@ -7,28 +7,43 @@
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20
 
-/* Frames of a mosaic are refined as a reconstruction does: filled-in values have no part. */
-static hada_status make_mask(hada_trial_bench *bench, hada_error *err)
+/* Whether refinement has weights of the frames' values, as a reconstruction has. */
+static int is_weighted(const hada_trial_bench *bench)
 {
-    const hada_model_info *info = &bench->grid->info;
-    const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols, count = hada_fit_raw_floats(bench->grid);
-    hada_slot *slot = bench->grid->slot;
-    float *weights = NULL;
-    hada_status status = HADA_OK;
-    if (info->mosaic == HADA_MOSAIC_NONE)
+    for (int k = 0; k < bench->with->kept->count; k++)
+        if (bench->with->kept->pair[k].weights)
+            return 1;
+    return 0;
+}
+
+/* Room for these, of one frame. */
+static hada_status make_weights(hada_trial_bench *bench, hada_error *err)
+{
+    const size_t count = hada_fit_raw_floats(bench->grid);
+    if (!is_weighted(bench))
         return HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(weights, count, "the weights of pixels", err));
-    for (size_t i = 0; i < plane; i++) {
-        const int row = (int)(i / (size_t)info->raw_cols), col = (int)(i % (size_t)info->raw_cols);
-        weights[(size_t)hada_mosaic_channel(info->mosaic, row, col) * plane + i] = 1.0f;
+    HADA_TRY(HADA_NEW_RAW(bench->raw_weights, count, "the weights of pixels", err));
+    HADA_TRY(hada_buffer_create(&bench->weights, bench->grid->slot->context, count * sizeof(float),
+                                "the weights of pixels", err));
+    bench->maker.data.weights = bench->weights.mem;
+    return HADA_OK;
+}
+
+/* Those of a frame: what one member does not know, or knows a bound of, the sum does not know any better. */
+static hada_status weigh(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err)
+{
+    const size_t count = hada_fit_raw_floats(bench->grid);
+    float *to = bench->raw_weights;
+    if (!to)
+        return HADA_OK;
+    for (size_t i = 0; i < count; i++)
+        to[i] = 1.0f;
+    for (int m = 0; m < frame->members; m++) {
+        const float *from = frame->member[m]->weights;
+        for (size_t i = 0; from && i < count; i++)
+            to[i] = to[i] == 0.0f ? 0.0f : from[i] == 1.0f ? to[i] : from[i];
     }
-    HADA_TRY_OR_DONE(
-        hada_buffer_create(&bench->mask, slot->context, count * sizeof *weights, "the weights of pixels", err));
-    HADA_TRY_OR_DONE(hada_buffer_write(&bench->mask, slot, 0, weights, bench->mask.bytes, err));
-    bench->maker.data.weights = bench->mask.mem;
-done:
-    free(weights);
-    return status;
+    return hada_buffer_write(&bench->weights, bench->grid->slot, 0, to, bench->weights.bytes, err);
 }
 
 /* A frame on the host, and what its noise is compared with. */
@@ -74,7 +89,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_MOST_STEPS);
     shape.tv = bench->with->tv != 0.0;
-    if (grid->info.mosaic != HADA_MOSAIC_NONE)
+    if (is_weighted(bench))
         shape.boundary = HADA_BOUNDARY_PADDED;
     shape.ridge = bench->with->ridge != 0.0;
     HADA_TRY(hada_refiner_create(&bench->maker.refiner, grid->slot, &shape, err));
@@ -91,7 +106,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
                                            .otf = bench->otfs.mem,
                                            .otf_depths = HADA_FIT_KEPT,
                                            .prior = bench->prior.mem};
-    HADA_TRY(make_mask(bench, err));
+    HADA_TRY(make_weights(bench, err));
     HADA_TRY(HADA_NEW_RAW(bench->raw, hada_fit_raw_floats(grid), "a raw frame", err));
     HADA_TRY(HADA_NEW_RAW(bench->planes, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), "planes on trial", err));
     HADA_TRY(HADA_NEW_RAW(bench->linear, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), "planes on trial", err));
@@ -104,8 +119,8 @@ void hada_trial_bench_destroy(hada_trial_bench *bench)
     hada_slot_finish(bench->grid->slot, NULL);
     hada_refiner_destroy(&bench->maker.refiner);
     hada_fft_destroy(&bench->inverse);
-    HADA_DESTROY_BUFFERS(&bench->filters, &bench->otfs, &bench->prior, &bench->mask);
-    HADA_FREE(bench->raw, bench->planes, bench->linear, bench->scene_energy, bench->trust);
+    HADA_DESTROY_BUFFERS(&bench->filters, &bench->otfs, &bench->prior, &bench->weights);
+    HADA_FREE(bench->raw, bench->raw_weights, bench->planes, bench->linear, bench->scene_energy, bench->trust);
 }
 
 double hada_trial_energy(const float *values, size_t count)
@@ -232,6 +247,7 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
     const host_frame on_host = look_at(bench->grid, bench->raw);
     bench->noise_unit = hada_noise_unit(&on_host.pixels, bench->grid->info.mosaic, &bench->maker.noise_share,
                                         on_host.mean_square, on_host.largest);
+    HADA_TRY(weigh(bench, frame, err));
     return hada_fit_pair_transform(bench->with->pair, bench->raw, NULL, err);
 }
 

@@ -14,10 +14,11 @@ typedef struct hada_trial_bench {
     const hada_fit_grid *grid;
     hada_plane_maker maker;
     hada_fft *inverse;
-    hada_buffer filters, otfs; /* [place][channel][count] complex: of pairs that are held out, HADA_FIT_KEPT at once */
-    hada_buffer prior, mask;   /* mask: weights of a mosaic's values; empty: all alike */
-    double noise_unit;         /* hada_noise_unit() of the current frame */
-    float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
+    hada_buffer filters, otfs;  /* [place][channel][count] complex: of pairs that are held out, HADA_FIT_KEPT at once */
+    hada_buffer prior, weights; /* weights: of the current frame's values; empty: all alike */
+    double noise_unit;          /* hada_noise_unit() of the current frame */
+    float *raw, *raw_weights;   /* of the current frame */
+    float *planes, *linear;     /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
 } hada_trial_bench;
 

@@ -2,6 +2,9 @@
 
 #include <math.h>
 
+#include "core/base.h"
+#include "image/mosaic.h"
+
 void hada_colours_mix(float *planes, size_t area, const double m[HADA_COLOUR_MATRIX])
 {
     float *red = planes, *green = planes + area, *blue = planes + 2 * area;
@@ -48,6 +51,49 @@ void hada_colours_unmix(float *planes, size_t area, const double m[HADA_COLOUR_M
         return;
     hada_colours_invert(m, inverse);
     hada_colours_mix(planes, area, inverse);
+}
+
+/* Whether a pixel of a mosaic, or one around it, knows only a bound of its own colour. */
+static int is_bounded(const float *weights, int rows, int cols, hada_mosaic mosaic, int row, int col)
+{
+    const size_t plane = (size_t)rows * (size_t)cols;
+    for (int r = hada_most(row - 1, 0); r <= hada_least(row + 1, rows - 1); r++)
+        for (int c = hada_most(col - 1, 0); c <= hada_least(col + 1, cols - 1); c++)
+            if (weights[(size_t)hada_mosaic_channel(mosaic, r, c) * plane + (size_t)r * (size_t)cols + (size_t)c] <
+                0.0F)
+                return 1;
+    return 0;
+}
+
+static size_t weigh_mosaic(float *weights, int rows, int cols, hada_mosaic mosaic)
+{
+    const size_t plane = (size_t)rows * (size_t)cols;
+    size_t good = 0;
+    for (size_t i = 0; i < plane; i++) {
+        const int row = (int)(i / (size_t)cols), col = (int)(i % (size_t)cols);
+        float *own = &weights[(size_t)hada_mosaic_channel(mosaic, row, col) * plane + i];
+        if (*own > 0.0F && is_bounded(weights, rows, cols, mosaic, row, col))
+            *own = 0.0F;
+        good += *own > 0.0F;
+    }
+    for (size_t k = 0; k < HADA_COLOURS * plane; k++)
+        weights[k] = fmaxf(weights[k], 0.0F);
+    return good;
+}
+
+size_t hada_colours_weigh(float *weights, int rows, int cols, hada_mosaic mosaic)
+{
+    const size_t plane = (size_t)rows * (size_t)cols;
+    size_t good = 0;
+    if (mosaic != HADA_MOSAIC_NONE)
+        return weigh_mosaic(weights, rows, cols, mosaic);
+    for (size_t i = 0; i < plane; i++) {
+        const float least = fmaxf(fminf(fminf(weights[i], weights[plane + i]), weights[2 * plane + i]), 0.0F);
+        for (size_t c = 0; c < HADA_COLOURS; c++)
+            weights[c * plane + i] = least;
+        good += least > 0.0F ? HADA_COLOURS : 0;
+    }
+    return good;
 }
 
 #define MOST 10.0

@@ -500,44 +500,6 @@ static float weight_of(const hada_frame_exposure *exposure, size_t i, float valu
     return !isfinite(value) ? 0.0f : exposure->saturated && value == exposure->brightest ? -weight : weight;
 }
 
-/* In a mosaic, pixels beside saturated ones say nothing once colours are mixed. */
-static size_t weigh_neighbours(const hada_frame_exposure *exposure, float *weights)
-{
-    const int rows = exposure->came.rows, cols = exposure->came.cols;
-    const size_t plane = plane_of(exposure);
-    size_t good = 0;
-    for (size_t i = 0; i < plane; i++) {
-        const int row = (int)(i / (size_t)cols), col = (int)(i % (size_t)cols);
-        float *own = &weights[value_of(exposure, i)];
-        for (int r = hada_most(row - 1, 0); r <= hada_least(row + 1, rows - 1); r++)
-            for (int c = hada_most(col - 1, 0); c <= hada_least(col + 1, cols - 1); c++) {
-                const float beside = weights[value_of(exposure, (size_t)r * (size_t)cols + (size_t)c)];
-                *own = beside < 0.0F && *own > 0.0F ? 0.0F : *own;
-            }
-        good += *own > 0.0F;
-    }
-    for (size_t k = 0; k < hada_exposure_count(exposure); k++)
-        weights[k] = fmaxf(weights[k], 0.0F);
-    return good;
-}
-
-/* Pixels of which a channel says nothing, or only a bound, say nothing once colours are mixed; else the least counts.
- * In a mosaic, a pixel's other colours are those of its neighbours. Returns how many values are above 0. */
-static size_t weigh_together(const hada_frame_exposure *exposure, float *weights)
-{
-    const size_t plane = plane_of(exposure);
-    size_t good = 0;
-    if (exposure->mosaic != HADA_MOSAIC_NONE)
-        return weigh_neighbours(exposure, weights);
-    for (size_t i = 0; i < plane; i++) {
-        const float least = fmaxf(fminf(fminf(weights[i], weights[plane + i]), weights[2 * plane + i]), 0.0F);
-        for (size_t c = 0; c < HADA_COLOURS; c++)
-            weights[c * plane + i] = least;
-        good += least > 0.0F ? HADA_COLOURS : 0;
-    }
-    return good;
-}
-
 size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
 {
     const hada_pixels *came = &exposure->came;
@@ -563,7 +525,7 @@ size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
         good -= *to > 0.0f;
         *to = 0.0f;
     }
-    return has_matrix(exposure) ? weigh_together(exposure, weights) : good;
+    return has_matrix(exposure) ? hada_colours_weigh(weights, came->rows, came->cols, exposure->mosaic) : good;
 }
 
 double hada_exposure_noise(const hada_frame_exposure *exposure)

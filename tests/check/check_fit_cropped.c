@@ -8,14 +8,14 @@ enum { CHUNK = 8 * HADA_FIT_CHUNK, PARTS = 3 };
 static const float length = 3.0f, before = 0.5f; /* of the step; what stood in the sums of chunks */
 
 typedef struct cropped_state {
-    hada_buffer e, b, h, g, sums;
+    hada_buffer e, b, weights, h, g, sums;
     check_fit fit;
     int channels;
     size_t pixels, chunks, at[PARTS + 1];
 } cropped_state;
 
-static void expect(check_state *state, const cropped_state *own, const float *e, const float *b, const float *h,
-                   const float *g)
+static void expect(check_state *state, const cropped_state *own, const float *e, const float *b, const float *w,
+                   const float *h, const float *g)
 {
     const size_t n = own->fit.count, channels = (size_t)own->channels;
     double *left = state->expected, *sums = left + own->at[1], *filled = left + own->at[2];
@@ -23,7 +23,8 @@ static void expect(check_state *state, const cropped_state *own, const float *e,
         sums[i] = before;
     for (size_t i = 0; i < channels * own->pixels; i++) {
         const size_t c = i / own->pixels, p = i % own->pixels;
-        left[i] = (double)e[i] - b[i];
+        left[i] = w && w[i] == 0.0f ? 0.0 : (double)e[i] - b[i];
+        left[i] = w && w[i] < 0.0f ? fmin(left[i], 0.0) : left[i];
         sums[c * own->chunks + p / CHUNK] += left[i] * left[i];
     }
     for (size_t i = 0; i < 2 * channels * n; i++)
@@ -49,7 +50,14 @@ static hada_status prepare(check_state *state, hada_error *err)
     check_fill_normal(state, 2, b, frame);
     check_fill_normal(state, 3, h, 2 * channels * n);
     check_fill_normal(state, 4, g, 2 * channels * n);
-    expect(state, own, e, b, h, g);
+    float *weights = NULL;
+    if (check_get(state, 'w', 0)) {
+        weights = check_room(state, frame * sizeof *weights);
+        for (size_t i = 0; i < frame; i++)
+            weights[i] = (float)(i % 5 % 3) - 1.0f; /* below 0, 0 and 1 */
+        HADA_TRY(check_upload(state, &own->weights, weights, frame * sizeof *weights, err));
+    }
+    expect(state, own, e, b, weights, h, g);
     HADA_TRY(check_upload(state, &own->e, e, frame * sizeof *e, err));
     HADA_TRY(check_upload(state, &own->b, b, frame * sizeof *b, err));
     HADA_TRY(check_upload(state, &own->h, h, spectra * sizeof *h, err));
@@ -86,8 +94,8 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_range vectors = hada_range_of(own->fit.vectors, 64, 1, 1);
     HADA_TRY(set_up(state, err));
     HADA_TRY(hada_launch_fit_remain(state->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &chunks, err, .e = state->region[0],
-                                    .b = own->b.mem, .out = state->region[1], .pixels = own->pixels,
-                                    .chunks = own->chunks));
+                                    .b = own->b.mem, .weights = own->weights.mem, .weighted = own->weights.mem != NULL,
+                                    .out = state->region[1], .pixels = own->pixels, .chunks = own->chunks));
     for (int c = 0; c < own->channels; c++) {
         const hada_fit_image image = check_fit_image(&own->fit, (size_t)c);
         HADA_TRY(hada_launch_fit_fill(state->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &vectors, err,
@@ -97,5 +105,5 @@ static hada_status launch(check_state *state, hada_error *err)
     return HADA_OK;
 }
 
-const check_op check_fit_cropped = {"fit_cropped", "p pixels and n frequencies of each of c channels", prepare, launch,
-                                    NULL};
+const check_op check_fit_cropped = {
+    "fit_cropped", "p pixels and n frequencies of each of c channels; w: pixels have weights", prepare, launch, NULL};

@@ -65,8 +65,9 @@ static hada_status fill(work *w, double length, double *left, hada_error *err)
                 const int r = row - grid->raw_row, c = col - grid->raw_col;
                 double *at = w->image + (size_t)row * (size_t)grid->cols + col;
                 const int seen = r >= 0 && r < grid->raw_rows && c >= 0 && c < grid->raw_cols;
-                const float b = seen ? fit->b[k][r * grid->raw_cols + c] : NAN;
-                *at = isnan(b) ? 0.0 : *at - b;
+                const float weight = !seen ? 0.0f : fit->weights ? fit->weights[r * grid->raw_cols + c] : 1.0f;
+                *at = weight == 0.0f ? 0.0 : *at - fit->b[k][r * grid->raw_cols + c];
+                *at = weight < 0.0f ? fmin(*at, 0.0) : *at;
                 *left += *at * *at;
             }
         HADA_TRY(hada_ref_fft_forward(w->image, grid->rows, grid->cols, w->spectrum, err));

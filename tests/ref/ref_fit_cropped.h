@@ -8,7 +8,8 @@
 typedef struct hada_ref_fit_cropped {
     const hada_ref_grid *grid;
     const double *const *x; /* scenes' spectra of each pair, in rows: rows x (cols/2 + 1) complex numbers */
-    const float *const *b;  /* frames, raw_rows x raw_cols; NaN: not known */
+    const float *const *b;  /* frames, raw_rows x raw_cols */
+    const float *weights;   /* of each frame's values: 1, 0 (not known) or below 0 (may be more); NULL: all 1 */
     int pairs;
     const double *sums; /* of these pairs, as in ref_fit.h */
     double mean;        /* of Sxx over frequencies */

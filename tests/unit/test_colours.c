@@ -115,6 +115,27 @@ TEST(matrices_are_inverted)
 /* By linear and by encoded scenes, with exposures that differ besides, with a dark level, which is found as well,
  * with smooth light left in frames, and by mosaics; none of frames that are not mixed, or whose scenes are grey, or
  * where nobody shall look. */
+/* What one colour does not know, no colour does once they are mixed; in a mosaic, what a neighbour does not. */
+TEST(mixed_colours_share_what_is_unknown)
+{
+    float colours[] = {1.0f, -1.0f, 1.0f, 0.5f, /* red of 2 x 2 pixels */
+                       1.0f, 1.0f,  0.0f, 1.0f, 0.25f, 1.0f, 1.0f, 1.0f};
+    static const float least[] = {0.25f, 0.0f, 0.0f, 0.5f};
+    assert_int_equal(hada_colours_weigh(colours, 2, 2, HADA_MOSAIC_NONE), 2 * HADA_COLOURS);
+    for (int k = 0; k < 4 * HADA_COLOURS; k++)
+        assert_float_equal(colours[k], least[k % 4], 0.0f);
+    enum { HIGH = 4, WIDE = 6 };
+    float mosaic[HADA_COLOURS * HIGH * WIDE] = {0.0f};
+    for (int i = 0; i < HIGH * WIDE; i++)
+        mosaic[hada_mosaic_channel(HADA_MOSAIC_RGGB, i / WIDE, i % WIDE) * HIGH * WIDE + i] = i ? 1.0f : -1.0f;
+    assert_int_equal(hada_colours_weigh(mosaic, HIGH, WIDE, HADA_MOSAIC_RGGB), HIGH * WIDE - 4);
+    for (int i = 0; i < HIGH * WIDE; i++)
+        for (int c = 0; c < HADA_COLOURS; c++) {
+            const int own = c == hada_mosaic_channel(HADA_MOSAIC_RGGB, i / WIDE, i % WIDE);
+            assert_float_equal(mosaic[c * HIGH * WIDE + i], own && (i / WIDE > 1 || i % WIDE > 1) ? 1.0f : 0.0f, 0.0f);
+        }
+}
+
 TEST(mixed_colours_are_found)
 {
     static const double left[2][CHANNELS * HADA_SMOOTH_TERMS] = {{2, 0, 1, 1, 0, 0, 1, 0, 1, 0, 0, 0, -1, 0, 0, 1},

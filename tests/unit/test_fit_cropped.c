@@ -226,17 +226,18 @@ static void learn_on(fixture *f, const hada_fit_options *options, double *error)
     *error = error_of(f, &fitter->grid, model);
 }
 
-/* Every third value of a frame is not known in the passes, or (0) all are. */
-static int is_unknown(int hidden, int pixel)
+/* Every third value of a frame has another weight than 1. */
+static void weigh_some(float weight, float *weights, size_t count)
 {
-    return hidden && pixel % 3 == 1;
+    for (size_t k = 0; k < count; k++)
+        weights[k] = k % AREA % 3 == 1 ? weight : 1.0f;
 }
 
 /* What the reference makes of a channel of the first depth. */
-static void expect(const fixture *f, const hada_fit_grid *grid, int c, double trust, int iterations, int hidden,
+static void expect(const fixture *f, const hada_fit_grid *grid, int c, double trust, int iterations, float weight,
                    double *otf, double *left)
 {
-    static float known[PAIRS][AREA];
+    static float weights[AREA];
     static const double lengths[] = {1.0, 3.0, 1.0, 1.0, 3.0, 1.0};
     const hada_geometry *at = &grid->geometry;
     const hada_ref_grid sizes = {grid->info.grid_rows, grid->info.grid_cols, at->raw_row, at->raw_col, ROWS, COLS,
@@ -254,13 +255,12 @@ static void expect(const fixture *f, const hada_fit_grid *grid, int c, double tr
         hada_ref_fit_pair(x[i], b, plane, 1.0, sums);
         for (int k = 0; k < WINDOW * WINDOW; k++)
             mean += (double)scene[k] * scene[k];
-        for (int k = 0; k < AREA; k++)
-            known[i][k] = is_unknown(hidden, k) ? NAN : frames[i][k];
-        frames[i] = known[i];
     }
+    weigh_some(weight, weights, AREA);
     const hada_ref_fit_cropped fit = {.grid = &sizes,
                                       .x = (const double *const *)x,
                                       .b = frames,
+                                      .weights = weight != 1.0f ? weights : NULL,
                                       .pairs = PAIRS,
                                       .sums = sums,
                                       .mean = mean,
@@ -277,7 +277,7 @@ static void expect(const fixture *f, const hada_fit_grid *grid, int c, double tr
     HADA_FREE(b, sums);
 }
 
-static void agrees(fixture *f, int hidden)
+static void agrees(fixture *f, float weight)
 {
     enum { ITERATIONS = 6 };
     SCOPED(hada_fitter) *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, ITERATIONS, 0);
@@ -288,7 +288,11 @@ static void agrees(fixture *f, int hidden)
     const hada_buffer *transfers;
     double noise[CHANNELS], left, *otf = malloc(2 * plane * sizeof *otf);
     SCOPED_MEMORY float *got = malloc(2 * plane * sizeof *got), *blocks = malloc(2 * grid->stride * sizeof *blocks);
+    hada_buffer weights;
     int more;
+    ASSERT_OK(hada_buffer_create(&weights, grid->slot->context, fitter->pair.raw.bytes, "weights", err));
+    weigh_some(weight, fitter->pair.raw_weights, CHANNELS * AREA);
+    ASSERT_OK(hada_buffer_write(&weights, grid->slot, 0, fitter->pair.raw_weights, weights.bytes, err));
     ASSERT_OK(
         hada_nonnegative_create(&nonnegative, grid->slot, grid->info.grid_rows, grid->info.grid_cols, CHANNELS, err));
     ASSERT_OK(hada_fit_cropped_create(&cropped, &fitter->sums, &fitter->pair, nonnegative, err));
@@ -299,18 +303,14 @@ static void agrees(fixture *f, int hidden)
         for (int i = 0; i < PAIRS; i++) {
             hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i]);
             ASSERT_OK(hada_fit_pair_transform(&fitter->pair, fitter->pair.raw_pixels, fitter->pair.scene_pixels, err));
-            for (int k = 0; k < CHANNELS * AREA; k++)
-                if (is_unknown(hidden, k % AREA))
-                    fitter->pair.raw_pixels[k] = HADA_FIT_UNKNOWN;
-            ASSERT_OK(hada_buffer_write(&fitter->pair.raw, grid->slot, 0, fitter->pair.raw_pixels,
-                                        fitter->pair.raw.bytes, err));
-            ASSERT_OK(hada_fit_cropped_pair(cropped, fitter->pair.raw.mem, fitter->pair.scene_spectrum.mem, err));
+            ASSERT_OK(hada_fit_cropped_pair(cropped, fitter->pair.raw.mem, weight != 1.0f ? weights.mem : NULL,
+                                            fitter->pair.scene_spectrum.mem, err));
         }
         ASSERT_OK(hada_fit_cropped_next(cropped, &more, err));
     }
     ASSERT_OK(hada_fit_cropped_end(cropped, fitter->sums.depth[0].raw_energy, noise, &transfers, err));
     for (int c = 0; c < CHANNELS; c++) {
-        expect(f, grid, c, hada_nonnegative_trust(noise[c], fitter->sums.depth[0].raw_energy[c]), ITERATIONS, hidden,
+        expect(f, grid, c, hada_nonnegative_trust(noise[c], fitter->sums.depth[0].raw_energy[c]), ITERATIONS, weight,
                otf, &left);
         ASSERT_OK(hada_fit_read_plane(grid, transfers, (size_t)c * grid->layout.count, blocks, got, "a transfer", err));
         const double error = relative_error(got, otf, 2 * plane);
@@ -319,17 +319,23 @@ static void agrees(fixture *f, int hidden)
         if (!(fabs(hada_fit_cropped_left(cropped)[c] - left) < 1e-4 * left))
             fail_msg("channel %d: left %g, expected %g", c, hada_fit_cropped_left(cropped)[c], left);
     }
+    HADA_DESTROY_BUFFERS(&weights);
     free(otf);
 }
 
 TEST(iterations_agree_with_the_reference)
 {
-    agrees(*state, 0);
+    agrees(*state, 1.0f);
 }
 
 TEST(values_that_are_not_known_have_no_part)
 {
-    agrees(*state, 1);
+    agrees(*state, 0.0f);
+}
+
+TEST(values_that_may_be_more_are_a_bound)
+{
+    agrees(*state, -1.0f);
 }
 
 TEST(light_beyond_the_sensor_is_found)
@@ -342,14 +348,10 @@ TEST(light_beyond_the_sensor_is_found)
         fail_msg("noise %g in one pass, %g with the crop in the model", one->info.noise, model->info.noise);
 }
 
-/* Values that are cut off are found and have no part, so that transfer functions are nearly those of whole frames. */
-TEST(saturated_values_have_no_part)
+/* Cuts the brightest sixteenth of each frame off; whole: the frames before. */
+static void saturate(fixture *f, hada_image whole[DEPTHS][PAIRS])
 {
     enum { COUNT = CHANNELS * AREA };
-    fixture *f = *state;
-    hada_image whole[DEPTHS][PAIRS];
-    double error[3];
-    SCOPED(hada_model) *unclipped = learn(f, HADA_AUTO, &error[0], NULL);
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++) {
             float sorted[COUNT], *values = f->frame[z][i].data;
@@ -359,16 +361,59 @@ TEST(saturated_values_have_no_part)
             for (int k = 0; k < COUNT; k++)
                 values[k] = fminf(values[k], white);
         }
-    SCOPED(hada_model) *clipped = learn(f, HADA_AUTO, &error[1], NULL);
-    SCOPED(hada_model) *one = learn(f, 0, &error[2], NULL);
+}
+
+static void restore(fixture *f, hada_image whole[DEPTHS][PAIRS])
+{
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++) {
             hada_image_destroy(&f->frame[z][i]);
             f->frame[z][i] = whole[z][i];
         }
+}
+
+/* Saturated values are found and only bound what may be there, so that transfer functions are nearly those of whole
+ * frames. */
+TEST(saturated_values_are_a_bound)
+{
+    fixture *f = *state;
+    hada_image whole[DEPTHS][PAIRS];
+    double error[3];
+    SCOPED(hada_model) *unclipped = learn(f, HADA_AUTO, &error[0], NULL);
+    saturate(f, whole);
+    SCOPED(hada_model) *clipped = learn(f, HADA_AUTO, &error[1], NULL);
+    SCOPED(hada_model) *one = learn(f, 0, &error[2], NULL);
+    restore(f, whole);
     if (!(error[1] < 1.5 * error[0] && error[1] < error[2] / 3.0))
         fail_msg("error %g of whole frames, %g of saturated ones, %g of those in one pass", error[0], error[1],
                  error[2]);
+}
+
+/* The error of transfer functions that a whole fit learns where no light leaves the sensor. */
+static double learn_circular(fixture *f, int passes)
+{
+    hada_fit_options options = options_of(HADA_BOUNDARY_CIRCULAR, passes, 0);
+    SCOPED(hada_fitter) * fitter;
+    SCOPED(hada_model) * model;
+    shower at = {.f = f};
+    SCOPED(hada_dataset) *data = shown_by(&at, PAIRS);
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    ASSERT_OK(hada_fitter_add(fitter, data, err));
+    ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
+    return error_of(f, &fitter->grid, model);
+}
+
+/* The same where the sums of pairs would do if nothing was saturated. */
+TEST(circular_cameras_know_saturated_values)
+{
+    fixture *f = (fixture *)*state + 1;
+    hada_image whole[DEPTHS][PAIRS];
+    const double sound = learn_circular(f, HADA_AUTO);
+    saturate(f, whole);
+    const double found = learn_circular(f, HADA_AUTO), one = learn_circular(f, 0);
+    restore(f, whole);
+    if (!(found < 1.5 * sound && found < one / 3.0))
+        fail_msg("error %g of whole frames, %g of saturated ones, %g of those in one pass", sound, found, one);
 }
 
 /* Passes over pairs that stay on the device read none, and can be stopped all the same. */

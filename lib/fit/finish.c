@@ -19,7 +19,7 @@ void hada_fit_forget(hada_fitter *fitter)
 {
     hada_leave_one_out_forget(&fitter->scores);
     hada_fit_kept_free(&fitter->kept);
-    fitter->cut_off = 0;
+    fitter->weighted = 0;
     hada_fit_outside_free(&fitter->outside);
     hada_fit_transfers_free(&fitter->transfers);
     fitter->rows = (hada_fit_rows){0};
@@ -32,8 +32,8 @@ hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, cons
     HADA_TRY(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
     HADA_TRY(hada_fit_sums_pool(&fitter->sums, err));
     HADA_TRY(hada_fit_sums_select(&fitter->sums, depth, err));
-    hada_fit_pair_take(pair, raw, scene);
-    fitter->cut_off |= pair->weighted;
+    hada_fit_pair_take(pair, raw, scene, 1);
+    fitter->weighted |= pair->weighted;
     HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
     HADA_TRY(hada_leave_one_out_add(&fitter->scores, &fitter->sums, pair, depth, err));
     return fitter->options.refine_steps < 0 ? hada_fit_keep(&fitter->kept, pair, depth, number, err) : HADA_OK;
@@ -79,7 +79,7 @@ hada_status hada_fit_learn_cropped(hada_fitter *fitter, const hada_dataset *pair
     hada_status status = HADA_OK;
     hada_fit_transfers_free(&fitter->transfers);
     const int partly =
-        options->boundary == HADA_BOUNDARY_PADDED || options->mosaic != HADA_MOSAIC_NONE || fitter->cut_off;
+        options->boundary == HADA_BOUNDARY_PADDED || options->mosaic != HADA_MOSAIC_NONE || fitter->weighted;
     if (!partly || !options->nonnegative || !passes) /* frames show all light of the scenes */
         return HADA_OK;
     HADA_TRY(hada_fit_reader_create(&from, pairs, &fitter->pair, options->monitor,

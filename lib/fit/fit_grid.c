@@ -152,7 +152,6 @@ static hada_status make_host_side(hada_fit_pair *pair, hada_error *err)
     HADA_TRY(HADA_NEW_RAW(pair->scene_pixels, hada_fit_window_floats(grid), "a scene", err));
     HADA_TRY(HADA_NEW_RAW(pair->raw_weights, raw, "the weights of pixels", err));
     HADA_TRY(HADA_NEW_RAW(pair->scratch, raw / channels, "a raw frame", err));
-    HADA_TRY(HADA_NEW(pair->cut_off, channels, "a fitter", err));
     HADA_TRY(HADA_NEW(pair->raw_energy, channels, "a fitter", err));
     return HADA_NEW(pair->scene_energy, channels, "a fitter", err);
 }
@@ -193,8 +192,8 @@ void hada_fit_pair_destroy(hada_fit_pair *pair)
     hada_fft_destroy(&pair->raw_fft);
     hada_fft_destroy(&pair->scene_fft);
     HADA_DESTROY_BUFFERS(&pair->raw, &pair->scene, &pair->weights, &pair->raw_spectrum, &pair->scene_spectrum);
-    HADA_FREE(pair->raw_pixels, pair->scene_pixels, pair->raw_weights, pair->cut_off, pair->raw_energy,
-              pair->scene_energy, pair->scratch);
+    HADA_FREE(pair->raw_pixels, pair->scene_pixels, pair->raw_weights, pair->raw_energy, pair->scene_energy,
+              pair->scratch);
     *pair = (hada_fit_pair){0};
 }
 
@@ -273,19 +272,18 @@ static void weigh(hada_fit_pair *pair)
     const size_t cols = (size_t)info->raw_cols, plane = (size_t)info->raw_rows * cols;
     pair->weighted = mosaic;
     for (int c = 0; c < info->channels; c++) {
-        pair->cut_off[c] = hada_cut_off_value(pair->raw_pixels + (size_t)c * plane, plane);
-        pair->weighted |= isfinite(pair->cut_off[c]);
-    }
-    for (int c = 0; pair->weighted && c < info->channels; c++)
+        const float cut_off = hada_cut_off_value(pair->raw_pixels + (size_t)c * plane, plane);
+        pair->weighted |= isfinite(cut_off);
         for (size_t i = 0, k = (size_t)c * plane; i < plane; i++, k++) {
             const int held = !mosaic || hada_mosaic_channel(info->mosaic, (int)(i / cols), (int)(i % cols)) == c;
-            pair->raw_weights[k] = !held ? 0.0f : pair->raw_pixels[k] == pair->cut_off[c] ? -1.0f : 1.0f;
+            pair->raw_weights[k] = !held ? 0.0f : pair->raw_pixels[k] == cut_off ? -1.0f : 1.0f;
         }
+    }
     if (pair->weighted && hada_colours_known(info->colour_matrix))
         hada_colours_weigh(pair->raw_weights, info->raw_rows, info->raw_cols, info->mosaic);
 }
 
-void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene)
+void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene, int weighs)
 {
     const hada_model_info *info = &pair->grid->info;
     const size_t raw_area = (size_t)raw->rows * (size_t)raw->cols, area = (size_t)scene->rows * (size_t)scene->cols;
@@ -305,7 +303,8 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
             pair->scene_energy[c] = energy_of(light, window);
         }
     }
-    weigh(pair);
+    if (weighs)
+        weigh(pair);
     hada_colours_unmix(pair->raw_pixels, raw_area, info->colour_matrix);
     for (int c = 0; c < info->channels && hada_colours_known(info->colour_matrix); c++)
         pair->raw_energy[c] = energy_of(pair->raw_pixels + (size_t)c * raw_area, raw_area);
@@ -356,7 +355,7 @@ hada_status hada_fit_read(hada_fit_reader *reader, int z, int64_t i, int64_t nex
     if (next >= 0 && next < hada_dataset_get_info(reader->pairs)->counts[z])
         hada_pair_expect(reader->pairs, z, (int)next);
     HADA_TRY_OR_DONE(hada_fit_pair_check(to->grid, z, pair.raw, pair.scene, err));
-    hada_fit_pair_take(to, pair.raw, pair.scene);
+    hada_fit_pair_take(to, pair.raw, pair.scene, 1);
     for (int c = 0; c < to->grid->info.channels; c++)
         reader->energy[c] += to->raw_energy[c];
 done:

@@ -30,8 +30,8 @@ struct hada_fitter {
     hada_fit_grid grid;
     hada_fit_pair pair; /* that is being added or looked at */
     hada_fit_sums sums;
-    int reduced; /* the sums are those of all ranks */
-    int cut_off; /* frames that were scored have saturated values */
+    int reduced;  /* the sums are those of all ranks */
+    int weighted; /* frames that were scored have values that say nothing, or are saturated */
     /* what the last finish has chosen on pairs held out */
     hada_leave_one_out scores;
     hada_fit_kept kept;

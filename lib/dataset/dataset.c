@@ -8,6 +8,7 @@
 #include "core/callers.h"
 #include "core/clock.h"
 #include "image/correct.h"
+#include "image/statistics.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
@@ -58,11 +59,13 @@ static void images_free(hada_pair_images *images)
 {
     hada_image_destroy(&images->raw);
     hada_image_destroy(&images->scene);
+    hada_image_destroy(&images->weights);
 }
 
 static uint64_t bytes_of(const hada_pair_images *images)
 {
-    return (uint64_t)(hada_image_count(&images->raw) + hada_image_count(&images->scene)) * sizeof(float);
+    const size_t weights = images->weights.data ? hada_image_count(&images->weights) : 0;
+    return (uint64_t)(hada_image_count(&images->raw) + hada_image_count(&images->scene) + weights) * sizeof(float);
 }
 
 /* Ends reading ahead, and keeps nothing that was read. */
@@ -503,8 +506,9 @@ hada_status hada_dataset_create(hada_dataset **out, int depths, const double *di
     return open_named(out, store, depths, distances_mm, counts, err);
 }
 
-hada_status hada_dataset_from_images(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
-                                     const hada_image *raws, const hada_image *scenes, hada_error *err)
+hada_status hada_dataset_from_weighted(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
+                                       const hada_image *raws, const hada_image *scenes, const hada_image *weights,
+                                       hada_error *err)
 {
     hada_pair_store *store = NULL;
     HADA_NEED(out, err);
@@ -515,7 +519,14 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
     HADA_TRY(hada_pair_store_create(&store, NULL, err));
     store->raws = raws;
     store->scenes = scenes;
+    store->weights = weights;
     return open_named(out, store, depths, distances_mm, counts, err);
+}
+
+hada_status hada_dataset_from_images(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
+                                     const hada_image *raws, const hada_image *scenes, hada_error *err)
+{
+    return hada_dataset_from_weighted(out, depths, distances_mm, counts, raws, scenes, NULL, err);
 }
 
 /* Whether a flat or dark frame is of all channels and of the size of a raw frame. */
@@ -526,19 +537,33 @@ static int is_of(const hada_image *sensor, const hada_image *raw, hada_mosaic mo
            sensor->cols == raw->cols;
 }
 
-/* Subtracts the dark frame from a raw frame, divides it by the flat frame and bins it, in the order that their sizes
- * say. */
-static hada_status correct(const hada_pair_store *store, hada_image *raw, const char *name, hada_error *err)
+/* Means of weights of 1 and -1: of some saturated values, no more is known than of these. */
+static void bound(hada_image *weights)
 {
+    for (size_t i = 0; i < hada_image_count(weights); i++)
+        if (weights->data[i] < 1.0f)
+            weights->data[i] = -1.0f;
+}
+
+/* Subtracts the dark frame from a raw frame, divides it by the flat frame and bins it, in the order that their sizes
+ * say; weighs it before. */
+static hada_status correct(const hada_pair_store *store, hada_pair_images *images, const char *name, hada_error *err)
+{
+    hada_image *raw = &images->raw, *weights = &images->weights;
     const hada_image *flat = &store->flat, *dark = &store->dark;
     const int bins = store->downsample > 1, first = bins && flat->rows == raw->rows && flat->cols == raw->cols;
     const int darkens = is_of(dark, raw, bins ? store->sensor_mosaic : store->mosaic);
+    HADA_TRY(hada_saturated_weigh(raw, bins ? store->sensor_mosaic : store->mosaic, weights, err));
     if (darkens)
         hada_dark_subtract(raw, bins ? store->sensor_mosaic : store->mosaic, dark);
     if (first)
         HADA_TRY(hada_named(hada_flat_correct(raw, store->sensor_mosaic, flat, store->flat_dark, err), name, err));
     if (bins)
         HADA_TRY(hada_named(hada_image_bin(raw, store->downsample, store->sensor_mosaic, 1, err), name, err));
+    if (bins && weights->data) {
+        HADA_TRY(hada_image_bin(weights, store->downsample, store->sensor_mosaic, 0, err));
+        bound(weights);
+    }
     if (dark->data && !darkens) {
         if (!is_of(dark, raw, store->mosaic))
             return hada_named(hada_fail(err, HADA_ERROR_SIZE,
@@ -574,7 +599,7 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
         HADA_TRY_OR_DONE(hada_tiff_load_light(files->raw, 0, store->frame_encoding, &images->raw, err));
         HADA_TRY_OR_DONE(hada_tiff_load(files->scene, 0, &images->scene, err));
     }
-    HADA_TRY_OR_DONE(correct(store, &images->raw, files->raw, err));
+    HADA_TRY_OR_DONE(correct(store, images, files->raw, err));
     if (store->downsample > 1)
         HADA_TRY_OR_DONE(
             hada_named(hada_image_bin(&images->scene, store->downsample, HADA_MOSAIC_NONE, 0, err), files->scene, err));
@@ -728,20 +753,45 @@ static hada_status mend(hada_pair *pair, const hada_dataset *dataset, hada_error
     return repairs ? hada_flat_repair(&pair->own.raw, mosaic, dataset->mended, err) : HADA_OK;
 }
 
-/* A raw frame with all its colours, in the pair's own image. */
+/* A raw frame, or its weights, of one channel with all colours of a mosaic, in the pair's own image. */
+static hada_status fill_image(const hada_image **image, hada_image *own, hada_mosaic mosaic, hada_error *err)
+{
+    hada_image filled = {0};
+    HADA_TRY(hada_mosaic_colours(mosaic, *image, &filled, err));
+    hada_image_destroy(own);
+    *own = filled;
+    *image = own;
+    return HADA_OK;
+}
+
+/* A pair with all colours of a mosaic. */
 static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
 {
     const hada_image *raw = pair->raw;
-    hada_image filled = {0};
     if (raw->channels != 1 || raw->rows < 2 || raw->cols < 2)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the raw frame has %d channels of %d x %d pixels; a colour filter mosaic has one channel and "
                          "at least 2 x 2 pixels: leave options.mosaic out if it is none",
                          raw->channels, raw->rows, raw->cols);
-    HADA_TRY(hada_mosaic_colours(mosaic, raw, &filled, err));
-    hada_image_destroy(&pair->own.raw);
-    pair->own.raw = filled;
-    pair->raw = &pair->own.raw;
+    HADA_TRY(fill_image(&pair->raw, &pair->own.raw, mosaic, err));
+    if (!pair->weights)
+        return HADA_OK;
+    HADA_TRY(fill_image(&pair->weights, &pair->own.weights, mosaic, err));
+    bound(&pair->own.weights);
+    return HADA_OK;
+}
+
+/* A pair whose frame is brought to the scene's colours. */
+static hada_status unmix(hada_pair *pair, const double inverse[HADA_COLOUR_MATRIX], hada_error *err)
+{
+    HADA_TRY(own_raw(pair, err));
+    hada_colours_mix(pair->own.raw.data, hada_image_count(pair->raw) / HADA_COLOURS, inverse);
+    if (!pair->weights)
+        return HADA_OK;
+    if (!pair->own.weights.data)
+        HADA_TRY(hada_image_copy(&pair->own.weights, pair->weights, err));
+    pair->weights = &pair->own.weights;
+    hada_colours_weigh(pair->own.weights.data, pair->raw->rows, pair->raw->cols, HADA_MOSAIC_NONE);
     return HADA_OK;
 }
 
@@ -766,11 +816,17 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
     if (store->raws) {
         pair->raw = &store->raws[index];
         pair->scene = &store->scenes[index];
+        pair->weights = store->weights ? &store->weights[index] : &pair->own.weights;
+        if (!store->weights)
+            HADA_TRY(hada_saturated_weigh(pair->raw, store->mosaic, &pair->own.weights, err));
     } else {
         HADA_TRY(find_images(store, index, keep, &pair->own, &found, err));
         pair->raw = &found->raw;
         pair->scene = &found->scene;
+        pair->weights = &found->weights;
     }
+    if (!pair->weights->data)
+        pair->weights = NULL;
     replace_scene(pair, dataset->filled, index);
     if (dataset->encoding != 0.0) {
         HADA_TRY_OR_DONE(own_raw(pair, err));
@@ -786,10 +842,8 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         hada_smooth_add(dataset->light + (size_t)(index * dataset->light_channels) * HADA_SMOOTH_TERMS, -1.0,
                         &pair->own.raw);
     }
-    if (hada_colours_known(dataset->unmix) && pair->raw->channels == HADA_COLOURS) {
-        HADA_TRY_OR_DONE(own_raw(pair, err));
-        hada_colours_mix(pair->own.raw.data, hada_image_count(pair->raw) / HADA_COLOURS, dataset->unmix);
-    }
+    if (hada_colours_known(dataset->unmix) && pair->raw->channels == HADA_COLOURS)
+        HADA_TRY_OR_DONE(unmix(pair, dataset->unmix, err));
     if (gain != 1.0) {
         if (!pair->own.scene.data)
             HADA_TRY_OR_DONE(hada_image_copy(&pair->own.scene, pair->scene, err));

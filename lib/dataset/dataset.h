@@ -17,6 +17,7 @@ typedef struct hada_dataset_depth {
 
 typedef struct hada_pair_images {
     hada_image raw, scene;
+    hada_image weights; /* of the raw frame's values: 1, below 0 where they are saturated; empty: all are 1 */
 } hada_pair_images;
 
 /* The pair that the thread reads next: nothing to do, to be read, being read, or read (or failed). */
@@ -51,8 +52,8 @@ typedef struct hada_pair_store {
     /* one of these reads pairs: files (both NULL), the caller's function, or the caller's images */
     hada_dataset_read_pair read;
     void *user;
-    const hada_image *raws, *scenes;
-    pthread_mutex_t reading; /* held while the caller's function runs */
+    const hada_image *raws, *scenes, *weights; /* weights NULL: found from the raw frames */
+    pthread_mutex_t reading;                   /* held while the caller's function runs */
 
     hada_place_scene place; /* NULL: scenes are given out as they were read */
     void *placement;        /* for it; free() */
@@ -156,9 +157,16 @@ void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, voi
  * by the call. */
 hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err);
 
-/* A pair in use: images that the cache, the caller or the pair itself owns. */
+/* The pairs of hada_dataset_from_images(), whose frames have these weights, as hada_pair has them; empty: all are 1. */
+hada_status hada_dataset_from_weighted(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
+                                       const hada_image *raws, const hada_image *scenes, const hada_image *weights,
+                                       hada_error *err);
+
+/* A pair in use: images that the cache, the caller or the pair itself owns. weights: of the raw frame's values: 1, 0
+ * where nothing is known, below 0 where they are saturated: the least that the sensor saw. NULL: all are 1. They are
+ * found before a dark frame, a flat frame or mixed colours change what is saturated. */
 typedef struct hada_pair {
-    const hada_image *raw, *scene;
+    const hada_image *raw, *scene, *weights;
     hada_pair_images own;
 } hada_pair;
 hada_status hada_pair_take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, hada_error *err);

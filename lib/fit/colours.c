@@ -5,15 +5,15 @@
  * Transfer functions and matrix in turns (alternating least squares), with the crop in the model: frames times the
  * inverse matrix give transfer functions, and these what the colours make; then each channel's row is the solution of
  * three normal equations. Pixels count in blocks, in which there is little noise: what transfer functions make of
- * scenes holds some of the noise that they were learned from. Smooth surfaces are left out, as light of the room or a
- * dark level may be there still. Exposures that differ are found anew in each turn: by one channel, or by mixed
- * colours, they look different. */
+ * scenes holds some of the noise that they were learned from. Saturated pixels do not count, nor blocks of many. Smooth
+ * surfaces are left out, as light of the room or a dark level may be there still. Exposures that differ are found anew
+ * in each turn: by one channel, or by mixed colours, they look different. */
 #include "fit/look.h"
 #include "fit/pair_level.h"
 #include "image/correct.h"
 
 /* Pairs that are looked at, turns, pixels of a side of a block, and the change of a matrix that is none any more. */
-enum { PAIRS = 6, TURNS = 6, EXPOSED_TURNS = 16, BLOCK = 8 };
+enum { PAIRS = 6, TURNS = 12, EXPOSED_TURNS = 16, BLOCK = 8 };
 #define SETTLED 0.002
 /* A first matrix that is this near to none is none; and blocks of frames must be left with so much less by the last
  * one, in the geometric mean of the channels: simulated sensors that mix a twentieth leave 0.04 to 0.16, real pairs
@@ -24,31 +24,52 @@ enum { PAIRS = 6, TURNS = 6, EXPOSED_TURNS = 16, BLOCK = 8 };
 typedef struct colour_trial {
     const hada_fit_options *options; /* of one depth */
     hada_look at;                    /* its first pairs, with frames in the scenes' colours */
-    hada_image frame[PAIRS], scene[PAIRS];
-    int blocks;                                     /* of a frame */
+    hada_pair pair[PAIRS];
+    hada_image frame[PAIRS], scene[PAIRS], weights[PAIRS]; /* frames are its own; weights as hada_look has them */
+    int blocks;                                            /* of a frame */
+    float *known;                                          /* [block]: 1; 0: too few of its pixels are */
     float *seen[HADA_COLOURS], *made[HADA_COLOURS]; /* [pair][block]: frames, and what each colour makes of them */
     double left[HADA_COLOURS], before[HADA_COLOURS];
     double m[HADA_COLOUR_MATRIX];
 } colour_trial;
 
-/* Means of blocks of one channel, less the smooth surface that is nearest to them; plus: NULL, or added to it. */
-static void reduce(const hada_fit_options *options, const float *channel, const float *plus, float *to)
+/* Whether all channels of a pixel are known. */
+static int is_known(const hada_image *weights, size_t at)
 {
+    const size_t area = (size_t)weights->rows * (size_t)weights->cols;
+    for (size_t c = 0; weights->data && c < HADA_COLOURS; c++)
+        if (weights->data[c * area + at] != 1.0f)
+            return 0;
+    return 1;
+}
+
+/* Means of blocks of one channel of frame i, less the smooth surface that is nearest to them, 0 where less than half of
+ * one is known; plus: NULL, or added to the channel. */
+static void reduce(const colour_trial *of, int pair, const float *channel, const float *plus, float *to)
+{
+    const hada_fit_options *options = of->options;
     hada_image blocks = {1, options->raw_rows / BLOCK, options->raw_cols / BLOCK, to};
     const int high = blocks.rows, wide = blocks.cols;
     double surface[HADA_SMOOTH_TERMS];
     for (int r = 0; r < high; r++)
         for (int c = 0; c < wide; c++) {
             double sum = 0.0;
+            int count = 0;
             for (int i = 0; i < BLOCK * BLOCK; i++) {
                 const size_t at =
                     (size_t)(r * BLOCK + i / BLOCK) * (size_t)options->raw_cols + (size_t)(c * BLOCK + i % BLOCK);
+                if (!is_known(&of->weights[pair], at))
+                    continue;
                 sum += (double)channel[at] + (plus ? (double)plus[at] : 0.0);
+                count++;
             }
-            to[r * wide + c] = (float)(sum / (BLOCK * BLOCK));
+            of->known[r * wide + c] = 2 * count >= BLOCK * BLOCK;
+            to[r * wide + c] = (float)(sum / hada_most(count, 1));
         }
-    hada_smooth_nearest(to, high, wide, surface);
+    hada_smooth_nearest(to, of->known, high, wide, surface);
     hada_smooth_add(surface, -1.0, &blocks);
+    for (int i = 0; i < of->blocks; i++)
+        to[i] = of->known[i] != 0.0f ? to[i] : 0.0f;
 }
 
 static double product(const colour_trial *of, const float *a, const float *b)
@@ -70,13 +91,18 @@ static hada_status begin(colour_trial *of, const hada_dataset *pairs, int depth,
         HADA_TRY(HADA_NEW_RAW(of->seen[k], (size_t)of->at.group * (size_t)of->blocks, "blocks", err));
         HADA_TRY(HADA_NEW_RAW(of->made[k], (size_t)of->at.group * (size_t)of->blocks, "blocks", err));
     }
+    HADA_TRY(HADA_NEW_RAW(of->known, (size_t)of->blocks, "blocks", err));
     *fits = 1;
     for (int i = 0; i < of->at.group && *fits; i++) {
+        hada_pair *pair = &of->pair[i];
         hada_image *raw = &of->frame[i];
-        HADA_TRY(hada_dataset_read(pairs, depth, i, raw, &of->scene[i], err));
+        HADA_TRY(hada_pair_take(pair, pairs, depth, i, err));
+        HADA_TRY(hada_image_copy(raw, pair->raw, err));
+        of->scene[i] = *pair->scene;
+        of->weights[i] = pair->weights ? *pair->weights : (hada_image){0};
         *fits = hada_reducer_fits(&rule, raw, &of->scene[i]);
         for (size_t k = 0; k < HADA_COLOURS && *fits; k++)
-            reduce(of->options, raw->data + k * hada_image_count(raw) / HADA_COLOURS, NULL,
+            reduce(of, i, raw->data + k * hada_image_count(raw) / HADA_COLOURS, NULL,
                    of->seen[k] + (size_t)i * (size_t)of->blocks);
     }
     return HADA_OK;
@@ -86,10 +112,11 @@ static void end(colour_trial *of)
 {
     for (int i = 0; i < PAIRS; i++) {
         hada_image_destroy(&of->frame[i]);
-        hada_image_destroy(&of->scene[i]);
+        hada_pair_return(&of->pair[i]);
     }
     for (int k = 0; k < HADA_COLOURS; k++)
         HADA_FREE(of->seen[k], of->made[k]);
+    free(of->known);
 }
 
 /* What each colour of the scenes makes, with the matrix that there is. */
@@ -103,16 +130,15 @@ static hada_status make(colour_trial *of, hada_error *err)
     hada_status status = HADA_OK;
     hada_look_whole(of->options, &rows, &cols);
     HADA_TRY_OR_DONE(HADA_NEW_RAW(rest, PAIRS * area, "frames", err));
-    HADA_TRY_OR_DONE(
-        hada_dataset_from_images(&few, 1, of->options->distances_mm, &of->at.group, of->frame, of->scene, err));
+    HADA_TRY_OR_DONE(hada_dataset_from_weighted(&few, 1, of->options->distances_mm, &of->at.group, of->frame, of->scene,
+                                                of->weights, err));
     HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, few, of->m, err));
     for (int k = 0; k < HADA_COLOURS; k++) {
         of->at.channel = k + 1;
         HADA_TRY_OR_DONE(hada_look_take(&of->at, pure, err));
         HADA_TRY_OR_DONE(hada_look_explain(&of->at, rows, cols, of->at.learned, left, NULL, rest, err));
         for (int i = 0; i < of->at.group; i++)
-            reduce(of->options, of->at.raw[i].data, rest + (size_t)i * area,
-                   of->made[k] + (size_t)i * (size_t)of->blocks);
+            reduce(of, i, of->at.raw[i].data, rest + (size_t)i * area, of->made[k] + (size_t)i * (size_t)of->blocks);
         hada_look_return(&of->at);
     }
 done:

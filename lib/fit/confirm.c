@@ -28,12 +28,14 @@ enum { SHADES = 3, ROUNDS = 3 };
 #define MOST_CHANGE 1.5
 
 /* The pairs that were taken with their scenes as bright as they are, as black, and twice as bright in light. */
-static hada_status shades(const hada_look *at, hada_image *raws, hada_image *scenes, hada_error *err)
+static hada_status shades(const hada_look *at, hada_image *raws, hada_image *scenes, hada_image *weights,
+                          hada_error *err)
 {
     const double response = at->options->scene_response;
     for (int i = 0; i < SHADES * at->count; i++) {
         const int of = i % at->count, shade = i / at->count;
         raws[i] = at->raw[of];
+        weights[i] = at->weights[of];
         HADA_TRY(hada_image_copy(&scenes[i], &at->scene[of], err));
         hada_scene_brighten(&scenes[i], shade, response);
     }
@@ -52,6 +54,7 @@ static hada_status expose_group(hada_look *at, const hada_survey *survey, const 
 {
     double *gain = (double *)(uintptr_t)survey->gains[at->depth] + at->first, left[SHADES * HADA_LOOK_MOST];
     hada_image raws[SHADES * HADA_LOOK_MOST], scenes[SHADES * HADA_LOOK_MOST] = {{0}};
+    hada_image weights[SHADES * HADA_LOOK_MOST];
     const double distance = at->options->distances_mm[at->depth];
     const int count = SHADES * at->group;
     hada_dataset *even = NULL, *shown = NULL;
@@ -61,8 +64,8 @@ static hada_status expose_group(hada_look *at, const hada_survey *survey, const 
     hada_look_whole(at->options, &rows, &cols);
     HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, pairs, err));
     HADA_TRY_OR_DONE(hada_look_take(at, even, err));
-    HADA_TRY_OR_DONE(shades(at, raws, scenes, err));
-    HADA_TRY_OR_DONE(hada_dataset_from_images(&shown, 1, &distance, &count, raws, scenes, err));
+    HADA_TRY_OR_DONE(shades(at, raws, scenes, weights, err));
+    HADA_TRY_OR_DONE(hada_dataset_from_weighted(&shown, 1, &distance, &count, raws, scenes, weights, err));
     HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, shown, left, NULL, NULL, err));
     for (int i = 0; i < at->group; i++) {
         left[i] = brightness(left[i], left[i + at->group], left[i + 2 * at->group]);

@@ -26,13 +26,13 @@ void hada_fit_forget(hada_fitter *fitter)
 }
 
 hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, const hada_image *raw,
-                                const hada_image *scene, hada_error *err)
+                                const hada_image *scene, const hada_image *weights, hada_error *err)
 {
     hada_fit_pair *pair = &fitter->pair;
     HADA_TRY(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
     HADA_TRY(hada_fit_sums_pool(&fitter->sums, err));
     HADA_TRY(hada_fit_sums_select(&fitter->sums, depth, err));
-    hada_fit_pair_take(pair, raw, scene, 1);
+    hada_fit_pair_take(pair, raw, scene, weights);
     fitter->weighted |= pair->weighted;
     HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
     HADA_TRY(hada_leave_one_out_add(&fitter->scores, &fitter->sums, pair, depth, err));
@@ -55,7 +55,7 @@ static hada_status fit_score_pairs(hada_fitter *fitter, const hada_dataset *pair
         for (int i = 0; i < count; i++) {
             const int number = (int)((long)i * info->counts[z] / count); /* evenly spread */
             HADA_TRY_OR_DONE(hada_pair_take(&pair, pairs, z, number, err));
-            status = hada_fit_score_pair(fitter, z, number, pair.raw, pair.scene, err);
+            status = hada_fit_score_pair(fitter, z, number, pair.raw, pair.scene, pair.weights, err);
             if (status)
                 hada_pair_name(pairs, z, number, err);
             HADA_TRY_OR_DONE(status);

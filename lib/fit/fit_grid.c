@@ -264,26 +264,24 @@ static double dark_of(const hada_model_info *info, int channel, const float *fra
     return hada_dark_estimate(frame, count, room);
 }
 
-/* Of pixels of the sensor's colours: a channel's values are saturated where many are its largest one. */
-static void weigh(hada_fit_pair *pair)
+static void weigh(hada_fit_pair *pair, const hada_image *weights)
 {
     const hada_model_info *info = &pair->grid->info;
     const int mosaic = info->mosaic != HADA_MOSAIC_NONE;
     const size_t cols = (size_t)info->raw_cols, plane = (size_t)info->raw_rows * cols;
-    pair->weighted = mosaic;
-    for (int c = 0; c < info->channels; c++) {
-        const float cut_off = hada_cut_off_value(pair->raw_pixels + (size_t)c * plane, plane);
-        pair->weighted |= isfinite(cut_off);
-        for (size_t i = 0, k = (size_t)c * plane; i < plane; i++, k++) {
-            const int held = !mosaic || hada_mosaic_channel(info->mosaic, (int)(i / cols), (int)(i % cols)) == c;
-            pair->raw_weights[k] = !held ? 0.0f : pair->raw_pixels[k] == cut_off ? -1.0f : 1.0f;
-        }
-    }
-    if (pair->weighted && hada_colours_known(info->colour_matrix))
-        hada_colours_weigh(pair->raw_weights, info->raw_rows, info->raw_cols, info->mosaic);
+    float *to = pair->raw_weights;
+    pair->weighted = mosaic || weights;
+    for (size_t k = 0; pair->weighted && k < (size_t)info->channels * plane; k++)
+        to[k] = weights ? weights->data[k] : 1.0f;
+    if (weights && hada_colours_known(info->colour_matrix))
+        hada_colours_weigh(to, info->raw_rows, info->raw_cols, HADA_MOSAIC_NONE);
+    for (size_t i = 0; mosaic && i < plane; i++)
+        for (int c = 0; c < info->channels; c++)
+            if (hada_mosaic_channel(info->mosaic, (int)(i / cols), (int)(i % cols)) != c)
+                to[(size_t)c * plane + i] = 0.0f;
 }
 
-void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene, int weighs)
+void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene, const hada_image *weights)
 {
     const hada_model_info *info = &pair->grid->info;
     const size_t raw_area = (size_t)raw->rows * (size_t)raw->cols, area = (size_t)scene->rows * (size_t)scene->cols;
@@ -303,8 +301,7 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
             pair->scene_energy[c] = energy_of(light, window);
         }
     }
-    if (weighs)
-        weigh(pair);
+    weigh(pair, weights);
     hada_colours_unmix(pair->raw_pixels, raw_area, info->colour_matrix);
     for (int c = 0; c < info->channels && hada_colours_known(info->colour_matrix); c++)
         pair->raw_energy[c] = energy_of(pair->raw_pixels + (size_t)c * raw_area, raw_area);
@@ -355,7 +352,7 @@ hada_status hada_fit_read(hada_fit_reader *reader, int z, int64_t i, int64_t nex
     if (next >= 0 && next < hada_dataset_get_info(reader->pairs)->counts[z])
         hada_pair_expect(reader->pairs, z, (int)next);
     HADA_TRY_OR_DONE(hada_fit_pair_check(to->grid, z, pair.raw, pair.scene, err));
-    hada_fit_pair_take(to, pair.raw, pair.scene, 1);
+    hada_fit_pair_take(to, pair.raw, pair.scene, pair.weights);
     for (int c = 0; c < to->grid->info.channels; c++)
         reader->energy[c] += to->raw_energy[c];
 done:

@@ -88,7 +88,7 @@ typedef struct hada_fit_pair {
     float *raw_pixels, *scene_pixels;         /* the same pixels on the host */
     float *raw_weights; /* of the frame's values, as hada_refine_data has them: 1, 0 for colours that a pixel of a
                            mosaic does not hold, below 0 for saturated values */
-    int weighted;       /* 0: all of them are 1 */
+    int weighted;       /* 0: all of them are 1, and not written */
     double *raw_energy, *scene_energy; /* per channel: sum of squared pixels, by Parseval's theorem the mean over
                                           frequencies of |B|^2 and |X|^2 */
     float *scratch;                    /* a channel of a frame */
@@ -103,9 +103,9 @@ hada_status hada_fit_pair_check(const hada_fit_grid *grid, int depth, const hada
                                 hada_error *err);
 
 /* Pixels and energies of a checked pair: takes the dark level off, and the centre of a scene as large as the frame,
- * which it brings to linear light. Frames get the scene's colours, by the matrix of the grid's info. weighs: weights of
- * the frame's values as well. */
-void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene, int weighs);
+ * which it brings to linear light. Frames get the scene's colours, by the matrix of the grid's info. weights: of the
+ * frame's values, as hada_pair has them; NULL: all are 1. */
+void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene, const hada_image *weights);
 
 /* Spectra of pixels, `pair`'s own or others of that size; scene NULL: of the frame alone. */
 hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const float *scene, hada_error *err);

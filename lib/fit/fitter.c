@@ -177,7 +177,7 @@ hada_status hada_fitter_add_pair(hada_fitter *fitter, int depth, const hada_imag
 {
     hada_fit_pair *pair = &fitter->pair;
     HADA_TRY(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
-    hada_fit_pair_take(pair, raw, scene, 0);
+    hada_fit_pair_take(pair, raw, scene, NULL);
     HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
     return hada_fit_sums_add(&fitter->sums, depth, pair, err);
 }

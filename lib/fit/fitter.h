@@ -64,7 +64,7 @@ hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err);
  * and of a few pairs of each depth; transfer functions with the crop; filters judged in the window; a model. */
 void hada_fit_forget(hada_fitter *fitter);
 hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, const hada_image *raw,
-                                const hada_image *scene, hada_error *err);
+                                const hada_image *scene, const hada_image *weights, hada_error *err);
 hada_status hada_fit_learn_cropped(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
 hada_status hada_fit_learn_windowed(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
 hada_status hada_fit_solve(hada_fitter *fitter, hada_model **out, hada_error *err);

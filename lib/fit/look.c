@@ -7,7 +7,7 @@
 
 /* Pairs of a depth from which on two are held out, and iterations: fewer than for a model, as only a few settings are
  * compared (docs/explanation/learning-a-camera.md). */
-enum { MANY_PAIRS = 4, PASSES = 9 };
+enum { MANY_PAIRS = 4, PASSES = 9, WEIGHTED_PASSES = 27 };
 /* Differences of this share of the noise's energy say nothing, for it is not known so well. */
 #define LEAST_OF_NOISE 0.02
 #define WHY            "looks at pairs, for boundary, response and dark level"
@@ -41,11 +41,12 @@ hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error 
         }
         at->raw[at->count] = channel_of(pair->raw, channel);
         at->scene[at->count] = channel_of(pair->scene, channel);
+        at->weights[at->count] = pair->weights ? channel_of(pair->weights, channel) : (hada_image){0};
     }
-    HADA_TRY(hada_dataset_from_images(&at->learned, 1, distance, &learned, at->raw, at->scene, err));
+    HADA_TRY(hada_dataset_from_weighted(&at->learned, 1, distance, &learned, at->raw, at->scene, at->weights, err));
     return at->group ? HADA_OK
-                     : hada_dataset_from_images(&at->held_out, 1, distance, &at->held, at->raw + learned,
-                                                at->scene + learned, err);
+                     : hada_dataset_from_weighted(&at->held_out, 1, distance, &at->held, at->raw + learned,
+                                                  at->scene + learned, at->weights + learned, err);
 }
 
 void hada_look_return(hada_look *at)
@@ -62,6 +63,7 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
     hada_fit_options options = *at->options;
     hada_fitter *fitter = NULL;
     hada_fit_reader from = {0}, held = {0};
+    int weighted = 0;
     hada_status status = HADA_OK;
     options.depths = options.channels = 1;
     options.mosaic = options.sensor_mosaic = HADA_MOSAIC_NONE; /* of that channel */
@@ -76,12 +78,15 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
     options.communicator = NULL;
     options.sums = NULL;
     HADA_TRY_OR_DONE(hada_fitter_create(&fitter, at->context, &options, err));
-    for (int i = 0; i < at->count - at->held; i++)
+    for (int i = 0; i < at->count - at->held; i++) {
         HADA_TRY_OR_DONE(hada_fitter_add_pair(fitter, 0, &at->raw[i], &at->scene[i], err));
+        weighted |= at->weights[i].data != NULL;
+    }
     HADA_TRY_OR_DONE(hada_fit_reader_create(&from, at->learned, &fitter->pair, options.monitor, WHY, err));
     HADA_TRY_OR_DONE(hada_fit_reader_create(&held, others, &fitter->pair, NULL, WHY, err));
     hada_slot_watch(fitter->grid.slot, options.monitor);
-    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, PASSES, &held, left, light, rest, err));
+    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, weighted ? WEIGHTED_PASSES : PASSES, &held, left,
+                                             light, rest, err));
 done:
     hada_fit_reader_destroy(&from);
     hada_fit_reader_destroy(&held);
@@ -124,9 +129,10 @@ static hada_status left_sharp(const hada_look *at, int rows, int cols, double *l
     *left = 0.0;
     for (int k = 0; k < at->held; k++) {
         HADA_TRY_OR_DONE(noise_energy(at, &at->raw[at->count - at->held + k], &noise, err));
-        *left += fmax(LEAST_OF_NOISE * noise, each[k] - noise -
-                                                  hada_smooth_nearest(rest + (size_t)k * area, at->options->raw_rows,
-                                                                      at->options->raw_cols, surface));
+        *left +=
+            fmax(LEAST_OF_NOISE * noise, each[k] - noise -
+                                             hada_smooth_nearest(rest + (size_t)k * area, NULL, at->options->raw_rows,
+                                                                 at->options->raw_cols, surface));
     }
 done:
     free(rest);

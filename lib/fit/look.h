@@ -26,6 +26,7 @@ typedef struct hada_look {
     int group;  /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
     hada_pair pair[HADA_LOOK_MOST];
     hada_image raw[HADA_LOOK_MOST], scene[HADA_LOOK_MOST]; /* their channels, not owned */
+    hada_image weights[HADA_LOOK_MOST];                    /* the same; empty: all are 1 */
     hada_dataset *learned, *held_out;
 } hada_look;
 

@@ -251,13 +251,13 @@ void hada_smooth_add(const double *weight, double times, hada_image *image)
                 *to = (float)((double)*to + times * hada_smooth_at(weight, row, col, image->rows, image->cols));
 }
 
-double hada_smooth_nearest(const float *channel, int rows, int cols, double *weight)
+double hada_smooth_nearest(const float *channel, const float *known, int rows, int cols, double *weight)
 {
     enum { TERMS = HADA_SMOOTH_TERMS };
     double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0}, term[TERMS], energy = 0.0;
     for (int i = 0; i < rows * cols; i++) {
         const double y = hada_smooth_place(i / cols + 0.5, rows), x = hada_smooth_place(i % cols + 0.5, cols);
-        for (int k = 0; k < TERMS; k++) {
+        for (int k = 0; k < TERMS && (!known || known[i] != 0.0f); k++) {
             term[k] = hada_smooth_term(k, y, x);
             right[k] += term[k] * (double)channel[i];
             for (int n = 0; n <= k; n++)

@@ -83,7 +83,7 @@ double hada_smooth_at(const double *weight, int row, int col, int rows, int cols
 void hada_smooth_add(const double *weight, double times, hada_image *image);
 
 /* The surface that is nearest to a channel in least squares, all 0 on a sensor that is too small for one. Its energy.
- */
-double hada_smooth_nearest(const float *channel, int rows, int cols, double *weight);
+ * known: pixels of 0 there do not count; NULL: all do. */
+double hada_smooth_nearest(const float *channel, const float *known, int rows, int cols, double *weight);
 
 #endif

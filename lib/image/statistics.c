@@ -204,3 +204,36 @@ float hada_cut_off_value(const float *values, size_t count)
     }
     return largest > 0.0f && hada_is_cut_off(equal, near) ? largest : INFINITY;
 }
+
+hada_status hada_saturated_weigh(const hada_image *frame, hada_mosaic mosaic, hada_image *weights, hada_error *err)
+{
+    const int coloured = mosaic != HADA_MOSAIC_NONE && frame->channels == 1;
+    const int channels = coloured ? HADA_MOSAIC_COLOURS : frame->channels;
+    const size_t cols = (size_t)frame->cols, plane = (size_t)frame->rows * cols;
+    float *room = NULL;
+    hada_status status = HADA_OK;
+    *weights = (hada_image){0};
+    if (coloured)
+        HADA_TRY_OR_DONE(HADA_NEW_RAW(room, plane, "the weights of pixels", err));
+    for (int c = 0; c < channels; c++) {
+        size_t count;
+        const float *values = hada_mosaic_channel_values(coloured ? mosaic : HADA_MOSAIC_NONE, c, frame, room, &count);
+        const float cut_off = hada_cut_off_value(values, count);
+        if (!isfinite(cut_off))
+            continue;
+        const int first = !weights->data;
+        if (first)
+            HADA_TRY_OR_DONE(hada_image_create(weights, frame->channels, frame->rows, frame->cols, err));
+        for (size_t i = 0; first && i < hada_image_count(weights); i++)
+            weights->data[i] = 1.0f;
+        for (size_t i = 0, k = coloured ? 0 : (size_t)c * plane; i < plane; i++, k++)
+            if (frame->data[k] == cut_off &&
+                (!coloured || hada_mosaic_channel(mosaic, (int)(i / cols), (int)(i % cols)) == c))
+                weights->data[k] = -1.0f;
+    }
+done:
+    free(room);
+    if (status)
+        hada_image_destroy(weights);
+    return status;
+}

@@ -25,6 +25,9 @@ static inline int hada_is_cut_off(size_t equal, size_t near)
 }
 /* The value at which they are; infinite: they are not. */
 float hada_cut_off_value(const float *values, size_t count);
+/* Weights of a frame's values, as its sensor gave it: -1 where those of a channel, or of a mosaic of one channel those
+ * of a colour, are cut off, else 1; empty where none are. Created by the call. */
+hada_status hada_saturated_weigh(const hada_image *frame, hada_mosaic mosaic, hada_image *weights, hada_error *err);
 
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
  * fine diagonal coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika 81(3), 1994,

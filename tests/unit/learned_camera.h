@@ -54,7 +54,7 @@ static inline void learned_fit(learned_camera *learned)
                 if (pass == 0)
                     ASSERT_OK(hada_fitter_add_pair(fitter, z, &raw, &scene, err));
                 else if (i < 2)
-                    ASSERT_OK(hada_fit_score_pair(fitter, z, i, &raw, &scene, err));
+                    ASSERT_OK(hada_fit_score_pair(fitter, z, i, &raw, &scene, NULL, err));
             }
     ASSERT_OK(hada_fit_solve(fitter, &learned->model, err));
 }

@@ -3,6 +3,7 @@
 #include <tiffio.h>
 
 #include "dataset/dataset.h"
+#include "image/mosaic.h"
 #include "testing.h"
 
 static char root[200], set[240];
@@ -404,6 +405,64 @@ TEST(images_are_not_copied)
     for (int i = 0; i < 3; i++) {
         hada_image_destroy(&raws[i]);
         hada_image_destroy(&scenes[i]);
+    }
+}
+
+enum { BRIGHT = 12, WIDE = 12 }; /* frames whose upper half is saturated in red, but for noise */
+
+static hada_status read_bright(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
+{
+    const hada_mosaic mosaic = *(const hada_mosaic *)user;
+    hada_status status;
+    (void)depth;
+    (void)pair;
+    if ((status = hada_image_create(raw, mosaic ? 1 : 3, BRIGHT, WIDE, err)) ||
+        (status = hada_image_create(scene, 3, BRIGHT, WIDE, err)))
+        return status;
+    for (int i = 0; i < (int)hada_image_count(raw); i++) {
+        const int red = mosaic ? hada_mosaic_channel(mosaic, i / WIDE, i % WIDE) == 0 : i < BRIGHT * WIDE;
+        raw->data[i] = red && i / WIDE < BRIGHT / 2 ? 0.8f : 0.001f * (float)(i % 97);
+    }
+    return HADA_OK;
+}
+
+/* Which values are saturated is known although a dark and a flat frame, binning and mixed colours change them. */
+TEST(saturated_values_stay_known)
+{
+    static const double unmix[HADA_COLOUR_MATRIX] = {0.8, 0.2, 0, 0.1, 0.8, 0.1, 0, 0.2, 0.8}, distance = 100.0;
+    const int count = 1;
+    SCOPED(hada_image) dark, flat;
+    ASSERT_OK(hada_image_create(&dark, 3, BRIGHT, WIDE, err));
+    ASSERT_OK(hada_image_create(&flat, 3, BRIGHT, WIDE, err));
+    for (int i = 0; i < 3 * BRIGHT * WIDE; i++) {
+        dark.data[i] = 0.0001f * (float)(i % 7);
+        flat.data[i] = 0.9f + 0.01f * (float)(i % 11);
+    }
+    for (int k = 0; k < 6; k++) {
+        const hada_mosaic mosaic = k > 3 ? HADA_MOSAIC_RGGB : HADA_MOSAIC_NONE;
+        const int binned = k == 2, mixed = k == 3 || k == 5, rows = binned ? BRIGHT / 2 : BRIGHT,
+                  cols = binned ? WIDE / 2 : WIDE;
+        hada_dataset *data, *part = NULL;
+        hada_pair pair;
+        DEFAULTS(hada_dataset_options, how);
+        how.mosaic = mosaic;
+        how.downsample = binned ? 2 : 1;
+        how.dark_frame = k && !mosaic ? &dark : NULL;
+        how.flat_frame = k && !mosaic ? &flat : NULL;
+        ASSERT_OK(hada_dataset_create(&data, 1, &distance, &count, read_bright, (void *)(uintptr_t)&mosaic, &how, err));
+        if (mixed)
+            ASSERT_OK(hada_dataset_unmix(&part, data, unmix, err));
+        ASSERT_OK(hada_pair_take(&pair, mixed ? part : data, 0, 0, err));
+        assert_non_null(pair.weights);
+        assert_true(pair.weights->channels == 3 && pair.weights->rows == rows && pair.weights->cols == cols);
+        for (int i = 0; i < 3 * rows * cols; i++) {
+            const int bound = i / cols % rows < rows / 2;
+            const float wanted = !bound || (i >= rows * cols && !mixed) ? 1.0f : mixed ? 0.0f : -1.0f;
+            assert_float_equal(pair.weights->data[i], wanted, 0.0f);
+        }
+        hada_pair_return(&pair);
+        hada_dataset_destroy(&part);
+        hada_dataset_destroy(&data);
     }
 }
 

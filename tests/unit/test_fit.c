@@ -140,7 +140,7 @@ TEST(scores_agree_with_brute_force)
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
         reference r = reference_make(f, fitter);
-        ASSERT_OK(hada_fit_score_pair(fitter, z, held, &f->frame[z][held], &f->scene[z][held], err));
+        ASSERT_OK(hada_fit_score_pair(fitter, z, held, &f->frame[z][held], &f->scene[z][held], NULL, err));
         assert_int_equal(fitter->scores.distinct, 10);
         for (int s = 0; s < fitter->scores.setting_count; s++) {
             double own = 0.0, leak = 0.0;

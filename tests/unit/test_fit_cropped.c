@@ -301,7 +301,7 @@ static void agrees(fixture *f, float weight)
     ASSERT_OK(hada_fit_cropped_next(cropped, &more, err));
     while (more) {
         for (int i = 0; i < PAIRS; i++) {
-            hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i], 0);
+            hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i], NULL);
             ASSERT_OK(hada_fit_pair_transform(&fitter->pair, fitter->pair.raw_pixels, fitter->pair.scene_pixels, err));
             ASSERT_OK(hada_fit_cropped_pair(cropped, fitter->pair.raw.mem, weight != 1.0f ? weights.mem : NULL,
                                             fitter->pair.scene_spectrum.mem, err));

@@ -70,7 +70,7 @@ TEST(iterations_lead_to_the_minimum)
         ASSERT_OK(hada_fit_window_begin(window, 0, setting, outside, WEIGHTS, err));
         for (int round = 0; round < ITERATIONS; round++) {
             for (int i = 0; i < PAIRS; i++) {
-                hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i], 0);
+                hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i], NULL);
                 ASSERT_OK(hada_fit_pair_transform(&fitter->pair, fitter->pair.raw_pixels, NULL, err));
                 ASSERT_OK(hada_fit_window_pair(window, err));
             }

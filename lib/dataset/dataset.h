@@ -109,6 +109,19 @@ struct hada_dataset {
 hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_options *callers, hada_error *err);
 void hada_pair_store_release(hada_pair_store **store);
 
+/* Both images of a pair and weights: the cache's, which keeps them until the end, or else *own. keep: what is read goes
+ * into the cache where there is room. Not of a store of the caller's images. */
+hada_status hada_pair_store_find(hada_pair_store *store, int number, int keep, hada_pair_images *own,
+                                 const hada_pair_images **found, hada_error *err);
+void hada_pair_images_free(hada_pair_images *images);
+
+/* Has a thread read a pair that will be taken soon. */
+void hada_pair_store_expect(hada_pair_store *store, int number);
+
+/* From now on all scenes that are read (of files, or by the caller's function) go through `place`; pairs that were read
+ * before are dropped. Nobody uses the data set or its parts meanwhile. It takes `placement` over. */
+void hada_pair_store_place(hada_pair_store *store, hada_place_scene place, void *placement);
+
 /* A data set of all pairs of a store, whose depths are listed; takes the store over, also where it fails. */
 hada_status hada_dataset_open(hada_dataset **out, hada_pair_store *store, hada_error *err);
 
@@ -149,10 +162,6 @@ hada_status hada_dataset_decode(hada_dataset **out, const hada_dataset *from, do
 /* Makes a scene so many times as bright in linear light, in its own encoding. */
 void hada_scene_brighten(hada_image *scene, double gain, double response);
 
-/* From now on all scenes that are read (of files, or by the caller's function) go through `place`; pairs that were read
- * before are dropped. Nobody uses the data set or its parts meanwhile. They take `placement` over. */
-void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, void *placement);
-
 /* The raw frame of a pair as it is read, in linear light: before it is filled in, divided and binned. *image is created
  * by the call. */
 hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err);
@@ -172,7 +181,7 @@ typedef struct hada_pair {
 hada_status hada_pair_take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, hada_error *err);
 void hada_pair_return(hada_pair *pair);
 
-/* Has a thread read a pair that will be taken soon. */
+/* hada_pair_store_expect() by a pair's depth and number. */
 void hada_pair_expect(const hada_dataset *dataset, int depth, int number);
 
 /* Puts the names of a pair's files before a message. */

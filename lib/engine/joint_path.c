@@ -40,6 +40,16 @@ static void take_listed(hada_pipeline *pipeline, knowledge *k)
             pipeline->occupied[k->count++] = z;
 }
 
+/* Where saturated values are more than this share of a frame, refinement takes more steps, and the split at the frame
+ * has less weight (perf/results/weights.md). */
+#define MANY_SATURATED 0.03
+#define SATURATED_MU   0.1
+
+static int is_saturated(const hada_frame_exposure *exposure)
+{
+    return (double)exposure->saturated > MANY_SATURATED * (double)hada_exposure_count(exposure);
+}
+
 /* settle: several depths are refined until they no longer change. */
 static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, int last, hada_error *err)
 {
@@ -47,8 +57,12 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     const double given = setup->config.weights.tv;
     const int psf_alone = hada_model_get_info(setup->model)->refine_tv == HADA_AUTO; /* rho was not fitted either */
     const int last_steps = hada_maker_ridge_steps(&pipeline->maker, setup->config.steps);
-    const hada_maker_steps steps = {.steps = setup->config.steps - last_steps,
-                                    .whole = setup->config.steps,
+    const int saturated = is_saturated(&frame->exposure),
+              is_wrapping = hada_model_get_info(setup->model)->boundary == HADA_BOUNDARY_CIRCULAR,
+              whole = saturated ? setup->config.saturated_steps : setup->config.steps;
+    const hada_maker_steps steps = {.steps = whole - last_steps,
+                                    .whole = whole,
+                                    .mu = saturated && (count > 1 || is_wrapping) ? SATURATED_MU : 0.0,
                                     .stop = setup->options.refine >= 0 ? 0
                                             : settle                   ? count
                                                                        : 1,

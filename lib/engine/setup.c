@@ -274,6 +274,8 @@ static hada_status config_of(const hada_model *model, const hada_plan_options *o
     /* auto: what leave-one-out found to pay for this camera */
     const hada_maker_way way = hada_maker_way_of(info, options->refine_tv, config->mosaic);
     config->steps = options->refine >= 0 ? options->refine : way.steps;
+    config->saturated_steps =
+        options->refine < 0 && config->steps > 0 ? hada_most(config->steps, HADA_SATURATED_STEPS) : config->steps;
     config->parting = options->refine < 0 && config->depths > 1;
     config->weights = way.weights;
     if (options->refine_colour >= 0)
@@ -337,7 +339,8 @@ hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_in
 
 hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model)
 {
-    const int own = config->parting ? hada_refine_most_steps(config->steps, config->depths) : config->steps;
+    const int most = config->saturated_steps,
+              own = config->parting ? hada_refine_most_steps(most, config->depths) : most;
     const int steps = config->choose && own < HADA_SETTLING_STEPS ? HADA_SETTLING_STEPS : own;
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
     refine.settle = config->parting || config->choose;

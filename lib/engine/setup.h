@@ -30,6 +30,7 @@ typedef struct hada_config {
     hada_mosaic mosaic;          /* of frames of one channel that are not binned; HADA_MOSAIC_NONE: there are none */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
+    int saturated_steps;         /* the same for frames with many saturated values */
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */
     int parting;                 /* 1: several depths take more steps, until they no longer change */
     int pursuit;                 /* 1: the occupied depths are found */

@@ -39,8 +39,10 @@ static int is_known(const bracket *all, int k, size_t i)
     return all->of[k].frame->data[i] < limit_at(all, k, i); /* not NaN either */
 }
 
-/* Values from which on each channel may be cut off: those near the largest one. A few pixels that are not lose little.
- */
+/* Values from which on each channel may be cut off: those in this part of the largest one. A few pixels that are not
+ * lose little. */
+#define MAY_BE_CUT_OFF (1.0f - 0x1p-7f)
+
 static void find_limits(const bracket *all, exposure *of, float *room)
 {
     const hada_image *frame = of->frame;
@@ -54,7 +56,7 @@ static void find_limits(const bracket *all, exposure *of, float *room)
         float largest = 0.0f;
         for (size_t i = 0; i < count; i++)
             largest = fmaxf(largest, values[i]);
-        *limit = fminf(*limit, HADA_NEAR_LARGEST * largest);
+        *limit = fminf(*limit, MAY_BE_CUT_OFF * largest);
     }
 }
 

@@ -189,6 +189,12 @@ void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *se
     }
 }
 
+int hada_dark_fits(const hada_image *dark, const hada_image *frame, hada_mosaic mosaic)
+{
+    const int colours = mosaic == HADA_MOSAIC_NONE ? frame->channels : HADA_MOSAIC_COLOURS;
+    return dark && dark->data && dark->channels == colours && dark->rows == frame->rows && dark->cols == frame->cols;
+}
+
 void hada_dark_subtract(hada_image *frame, hada_mosaic mosaic, const hada_image *dark)
 {
     int channel;

@@ -37,6 +37,9 @@ void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *se
 /* Subtracts a dark frame of all channels. mosaic: of one channel. */
 void hada_dark_subtract(hada_image *frame, hada_mosaic mosaic, const hada_image *dark);
 
+/* Whether a flat or dark frame, or NULL, is of all channels and of the size of a frame. */
+int hada_dark_fits(const hada_image *dark, const hada_image *frame, hada_mosaic mosaic);
+
 /* Repairs the pixels of sensitivity 0, and those that are not finite. */
 hada_status hada_flat_repair(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, hada_error *err);
 

@@ -237,3 +237,10 @@ done:
         hada_image_destroy(weights);
     return status;
 }
+
+void hada_weights_bound(hada_image *weights)
+{
+    for (size_t i = 0; i < hada_image_count(weights); i++)
+        if (weights->data[i] < 1.0f)
+            weights->data[i] = -1.0f;
+}

@@ -15,10 +15,11 @@ double hada_dark_estimate(const float *pixels, size_t count, float *room);
 /* That of each channel of a frame; mosaic: of one channel of floats, that of each of its three colours. */
 hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err);
 
-/* Values are cut off where the largest one occurs `equal` times and values in the 128th part below it `near` times:
- * noise spreads light that is not cut off. Where there are none, for the steps of values are coarser than that, those
- * in the 128th part from the next smaller value down count instead. */
-#define HADA_NEAR_LARGEST (1.0f - 0x1p-7f)
+/* Values are cut off where the largest one occurs `equal` times and values in the 1024th part below it `near` times:
+ * noise spreads light that is not cut off, and in a smooth frame much light is as bright within a hundredth. Where
+ * there are none, for the steps of values are coarser than that, those in the 1024th part from the next smaller value
+ * down count instead. */
+#define HADA_NEAR_LARGEST (1.0f - 0x1p-10f)
 static inline int hada_is_cut_off(size_t equal, size_t near)
 {
     return equal >= 16 && equal > 4 * near;
@@ -28,6 +29,8 @@ float hada_cut_off_value(const float *values, size_t count);
 /* Weights of a frame's values, as its sensor gave it: -1 where those of a channel, or of a mosaic of one channel those
  * of a colour, are cut off, else 1; empty where none are. Created by the call. */
 hada_status hada_saturated_weigh(const hada_image *frame, hada_mosaic mosaic, hada_image *weights, hada_error *err);
+/* Means of such weights become weights: of a mean of some values that are cut off, no more is known than of these. */
+void hada_weights_bound(hada_image *weights);
 
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
  * fine diagonal coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika 81(3), 1994,

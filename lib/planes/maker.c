@@ -112,6 +112,8 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
     if (steps->tv > 0.0)
         hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model),
                                 steps->before && !steps->resume ? RHO_CONTINUING : RHO_PER_WEIGHT, MOST_RHO);
+    if (steps->mu > 0.0)
+        rule.mu = fmin(rule.mu, steps->mu);
     if (steps->resume) {
         rule.rho *= steps->firm;
         rule.growth = pow(rule.growth, steps->hasten);

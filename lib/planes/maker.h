@@ -143,6 +143,8 @@ hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure 
  * goes on from there until its plane settles, for all of which the refiner must be made; and steps that refinement with
  * a chosen weight takes at most from nothing, and for a mosaic. */
 enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20, HADA_CHOSEN_MOSAIC_STEPS = 30 };
+/* Steps at least where many values are saturated, whose light settles slowly. */
+enum { HADA_SATURATED_STEPS = 30 };
 
 /* How planes are refined if nobody says otherwise. */
 typedef struct hada_maker_way {
@@ -187,6 +189,7 @@ typedef struct hada_maker_steps {
     int whole;  /* steps of the whole refinement, among which rho of a single depth grows; 0: the model's */
     int before; /* steps that were done before, which these continue, with `stop` until the planes settle */
     double tv;  /* weight of total variation, which rho follows (hada_refine_rule_follow()); 0: the maker's */
+    double mu;  /* of the split at the frame, at most (padded); 0: the rule's */
     int resume; /* 1: exactly so many steps, that go on from what the refiner has, as if `before` had been done */
     double firm, hasten; /* with that, rho in units of the usual one, and its growth as of so many steps */
 } hada_maker_steps;

@@ -341,7 +341,7 @@ hada_status hada_register_place(const hada_register_report *report, hada_dataset
     all->cols = w.cols;
     for (size_t z = 0; z < depths; z++)
         all->depth[z] = *report->depths[z]->applied;
-    hada_dataset_place(data, place_scene, all);
+    hada_pair_store_place(data->store, place_scene, all);
     give_window(&w, rows, cols);
     return HADA_OK;
 }

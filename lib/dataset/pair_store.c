@@ -1,5 +1,5 @@
-/* The pairs of a data set as they are read, corrected and binned: from files or a caller, the cache, and the thread that
- * reads ahead. */
+/* The pairs of a data set as they are read, corrected and binned: from files or a caller, the cache, and the thread
+ * that reads ahead. */
 #include <hadalens/response.h>
 #include <hadalens/tiff.h>
 
@@ -246,7 +246,7 @@ static int take_ahead(hada_pair_store *store, int number, hada_pair_images *imag
 }
 
 hada_status hada_pair_store_find(hada_pair_store *store, int number, int keep, hada_pair_images *own,
-                               const hada_pair_images **found, hada_error *err)
+                                 const hada_pair_images **found, hada_error *err)
 {
     hada_pair_images *kept = &store->kept[number], read = {0};
     hada_status status = HADA_OK;

@@ -41,8 +41,8 @@ static void take_listed(hada_pipeline *pipeline, knowledge *k)
 }
 
 /* Where saturated values are more than this share of a frame, refinement takes more steps, and the split at the frame
- * has less weight (perf/results/weights.md). */
-#define MANY_SATURATED 0.03
+ * has less weight (perf/results/weights.md); not in planes that are compared with a surface. */
+#define MANY_SATURATED 0.04
 #define SATURATED_MU   0.1
 
 static int is_saturated(const hada_frame_exposure *exposure)
@@ -57,7 +57,7 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     const double given = setup->config.weights.tv;
     const int psf_alone = hada_model_get_info(setup->model)->refine_tv == HADA_AUTO; /* rho was not fitted either */
     const int last_steps = hada_maker_ridge_steps(&pipeline->maker, setup->config.steps);
-    const int saturated = is_saturated(&frame->exposure),
+    const int saturated = is_saturated(&frame->exposure) && (settle || last || count == 1),
               is_wrapping = hada_model_get_info(setup->model)->boundary == HADA_BOUNDARY_CIRCULAR,
               whole = saturated ? setup->config.saturated_steps : setup->config.steps;
     const hada_maker_steps steps = {.steps = whole - last_steps,

@@ -153,25 +153,48 @@ static void tell_colours(const hada_fit_options *fit, const hada_monitor *monito
                           m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]);
 }
 
-/* Light of each frame's own, found anew in the colours that are known now; where it is none, it stays. */
-static hada_status find_light_again(hada_mended *mended, const hada_fit_options *fit, hada_error *err)
+/* Light of each frame's own, found anew in the colours of the scenes; where it is none, it stays. */
+static hada_status find_own_again(hada_mended *mended, const hada_fit_options *fit, const hada_dataset *lit,
+                                  hada_error *err)
 {
     enum { EACH = HADA_COLOURS * HADA_SMOOTH_TERMS };
-    const size_t pairs = (size_t)mended->lit->store->pairs;
+    const size_t pairs = (size_t)lit->store->pairs;
     double *light = NULL;
-    const hada_dataset *lit;
-    hada_dataset *pure;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(purify(fit, mended->lit, &pure, &lit, err));
-    HADA_TRY_OR_DONE(hada_fit_find_own_light(fit, lit, mended->apart, &light, err));
+    HADA_TRY(hada_fit_find_own_light(fit, lit, mended->apart, &light, err));
     for (size_t i = 0; light && i < pairs * EACH; i++) { /* as the sensor sees it */
         const size_t first = i / EACH * EACH + i % HADA_SMOOTH_TERMS, channel = i % EACH / HADA_SMOOTH_TERMS;
         mended->light[i] = 0.0;
         for (size_t c = 0; c < HADA_COLOURS; c++)
             mended->light[i] += fit->colour_matrix[channel * HADA_COLOURS + c] * light[first + c * HADA_SMOOTH_TERMS];
     }
-done:
     free(light);
+    return HADA_OK;
+}
+
+/* The same of light that is in all frames. */
+static hada_status find_common_again(hada_mended *mended, const hada_fit_options *fit, const hada_dataset *lit,
+                                     hada_error *err)
+{
+    hada_fit_options open = *fit;
+    hada_image dark = {0};
+    open.find_dark = 1;
+    HADA_TRY(hada_fit_find_dark(&open, lit, &dark, err));
+    if (dark.data) {
+        hada_colours_mix(dark.data, hada_image_count(&dark) / HADA_COLOURS, fit->colour_matrix);
+        memcpy(mended->dark.data, dark.data, hada_image_count(&dark) * sizeof *dark.data);
+    }
+    hada_image_destroy(&dark);
+    return HADA_OK;
+}
+
+static hada_status find_light_again(hada_mended *mended, const hada_fit_options *fit, hada_error *err)
+{
+    const hada_dataset *lit;
+    hada_dataset *pure;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(purify(fit, mended->lit, &pure, &lit, err));
+    HADA_TRY_OR_DONE((mended->unlit ? find_own_again : find_common_again)(mended, fit, lit, err));
+done:
     hada_dataset_destroy(&pure);
     return status;
 }
@@ -181,8 +204,11 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
                             const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err)
 {
     const int given = hada_colours_known(fit->colour_matrix);
+    const int lit = mended->unlit || data->darkened == &mended->dark;
+    if (lit && given)
+        HADA_TRY(find_light_again(mended, fit, err));
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
-    if (mended->unlit && !given && hada_colours_known(fit->colour_matrix)) {
+    if (lit && !given && hada_colours_known(fit->colour_matrix)) {
         HADA_TRY(find_light_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
@@ -245,7 +271,6 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
     for (int apart = 0; apart < 2 && !better; apart++) { /* exposures that differ need more of the pairs */
         hada_dataset_destroy(&mended->unlit);
         free(mended->light);
-        mended->lit = lit;
         mended->apart = apart;
         HADA_TRY(hada_fit_find_own_light(&open, lit, apart, &mended->light, err));
         if (mended->light) {
@@ -341,7 +366,7 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
         HADA_TRY(hada_dataset_mend(&mended->sound, *data, &mended->flat, NULL, err));
         *data = mended->sound;
     }
-    const hada_dataset *lit = *data;
+    const hada_dataset *lit = mended->lit = *data;
     const int looks = surfaces && !encoded, open = fit->find_dark && fit->dark == 0.0;
     HADA_TRY(hada_fit_find_dark(fit, lit, looks ? &mended->dark : NULL, err));
     if (mended->dark.data)

@@ -321,4 +321,32 @@ TEST(sums_remember_the_colours)
     free_pairs(&set);
 }
 
+/* Smooth light that is in all frames is found as precisely where colours are mixed as where they are not, and where the
+ * caller gives the matrix. */
+TEST(light_is_found_beside_mixed_colours)
+{
+    static const double light[CHANNELS * HADA_SMOOTH_TERMS] = {5, 3, 0, 0, 0, 0, 4, 0, 2, 0, 0, 0, 3, 0, -2, 0, 1, 0};
+    static const double little[] = {0.9, 0.1, 0, 0.05, 0.9, 0.05, 0, 0.1, 0.9};
+    double off[3];
+    for (int k = 0; k < 3; k++) { /* not mixed; mixed; and given */
+        DEFAULTS(hada_fit_options, fit);
+        SCOPED(hada_image) added = {0};
+        pairs set;
+        make_pairs(&set, k ? little : NULL, HADA_RESPONSE_LINEAR, 0, 0);
+        for (int i = 0; i < PAIRS; i++)
+            hada_smooth_add(light, 0.1, &set.frame[i]);
+        if (k == 2)
+            memcpy(fit.colour_matrix, little, sizeof little);
+        SCOPED(hada_model) *model = learn(&set, &fit);
+        const hada_image *found = hada_model_get_info(model)->dark_frame;
+        assert_non_null(found);
+        ASSERT_OK(hada_image_create(&added, CHANNELS, ROWS, COLS, err));
+        hada_smooth_add(light, 0.1, &added);
+        off[k] = relative_change(found->data, added.data, hada_image_count(&added));
+        print_message("%d: off by %.4f\n", k, off[k]);
+        free_pairs(&set);
+    }
+    assert_true(off[0] < 0.02 && off[1] < 1.1 * off[0] && off[2] < 1.1 * off[0]);
+}
+
 FIXTURE(open_device, close_device)

@@ -63,7 +63,7 @@ static void reduce(const colour_trial *of, int pair, const float *channel, const
                 sum += (double)channel[at] + (plus ? (double)plus[at] : 0.0);
                 count++;
             }
-            of->known[r * wide + c] = 2 * count >= BLOCK * BLOCK;
+            of->known[r * wide + c] = 2 * count >= BLOCK * BLOCK ? 1.0f : 0.0f;
             to[r * wide + c] = (float)(sum / hada_most(count, 1));
         }
     hada_smooth_nearest(to, of->known, high, wide, surface);

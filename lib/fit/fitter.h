@@ -93,6 +93,10 @@ hada_status hada_fit_find_bad_pixels(const hada_fit_options *sizes, const hada_d
  * was found. */
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
                                hada_error *err);
+/* What light is in all frames of pairs of one exposure, whose response is known: a smooth surface, of all channels,
+ * created by the call. From depths with three pairs and more. */
+hada_status hada_fit_find_common_light(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
+                                       hada_image *light, hada_error *err);
 /* Light that comes from no scene and differs from frame to frame, a smooth surface of each: [pair][channel]
  * [HADA_SMOOTH_TERMS], by hada_pair_number(), free(); NULL where it is clearly no better than one surface for all. For
  * depths with three pairs and more. apart: frames may differ in exposure as well. */

@@ -153,49 +153,52 @@ static void tell_colours(const hada_fit_options *fit, const hada_monitor *monito
                           m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]);
 }
 
-/* Light of each frame's own, found anew in the colours of the scenes; where it is none, it stays. */
-static hada_status find_own_again(hada_mended *mended, const hada_fit_options *fit, const hada_dataset *lit,
-                                  hada_error *err)
+/* Light of each frame's own, found anew in the colours that are known now; where it is none, it stays. */
+static hada_status find_own_again(hada_mended *mended, const hada_fit_options *fit, hada_error *err)
 {
     enum { EACH = HADA_COLOURS * HADA_SMOOTH_TERMS };
-    const size_t pairs = (size_t)lit->store->pairs;
+    const size_t pairs = (size_t)mended->lit->store->pairs;
     double *light = NULL;
-    HADA_TRY(hada_fit_find_own_light(fit, lit, mended->apart, &light, err));
+    const hada_dataset *lit;
+    hada_dataset *pure;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(purify(fit, mended->lit, &pure, &lit, err));
+    HADA_TRY_OR_DONE(hada_fit_find_own_light(fit, lit, mended->apart, &light, err));
     for (size_t i = 0; light && i < pairs * EACH; i++) { /* as the sensor sees it */
         const size_t first = i / EACH * EACH + i % HADA_SMOOTH_TERMS, channel = i % EACH / HADA_SMOOTH_TERMS;
         mended->light[i] = 0.0;
         for (size_t c = 0; c < HADA_COLOURS; c++)
             mended->light[i] += fit->colour_matrix[channel * HADA_COLOURS + c] * light[first + c * HADA_SMOOTH_TERMS];
     }
-    free(light);
-    return HADA_OK;
-}
-
-/* The same of light that is in all frames. */
-static hada_status find_common_again(hada_mended *mended, const hada_fit_options *fit, const hada_dataset *lit,
-                                     hada_error *err)
-{
-    hada_fit_options open = *fit;
-    hada_image dark = {0};
-    open.find_dark = 1;
-    HADA_TRY(hada_fit_find_dark(&open, lit, &dark, err));
-    if (dark.data) {
-        hada_colours_mix(dark.data, hada_image_count(&dark) / HADA_COLOURS, fit->colour_matrix);
-        memcpy(mended->dark.data, dark.data, hada_image_count(&dark) * sizeof *dark.data);
-    }
-    hada_image_destroy(&dark);
-    return HADA_OK;
-}
-
-static hada_status find_light_again(hada_mended *mended, const hada_fit_options *fit, hada_error *err)
-{
-    const hada_dataset *lit;
-    hada_dataset *pure;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(purify(fit, mended->lit, &pure, &lit, err));
-    HADA_TRY_OR_DONE((mended->unlit ? find_own_again : find_common_again)(mended, fit, lit, err));
 done:
+    free(light);
     hada_dataset_destroy(&pure);
+    return status;
+}
+
+/* Takes off what light all frames have still, once response, exposures and colours are known. */
+static hada_status correct_light(hada_mended *mended, hada_context *context, const hada_survey *survey,
+                                 const hada_dataset *data, const hada_fit_options *callers,
+                                 const hada_communicator *ranks, hada_error *err)
+{
+    hada_fit_options fit = *callers;
+    hada_dataset *even = NULL, *pure = NULL;
+    const hada_dataset *seen;
+    hada_image left = {0};
+    hada_status status = HADA_OK;
+    fit.scene_response = survey->response;
+    HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, data, err));
+    HADA_TRY_OR_DONE(purify(&fit, even, &pure, &seen, err));
+    HADA_TRY_OR_DONE(hada_fit_find_common_light(&fit, context, seen, &left, err));
+    if (hada_colours_known(fit.colour_matrix) && fit.channels == HADA_COLOURS)
+        hada_colours_mix(left.data, hada_image_count(&left) / HADA_COLOURS, fit.colour_matrix);
+    for (size_t i = 0; i < hada_image_count(&left); i++)
+        mended->dark.data[i] += left.data[i];
+    HADA_TRY_OR_DONE(hada_broadcast(ranks, 0, mended->dark.data, hada_image_count(&left) * sizeof(float), err));
+done:
+    hada_image_destroy(&left);
+    hada_dataset_destroy(&pure);
+    hada_dataset_destroy(&even);
     return status;
 }
 
@@ -204,15 +207,16 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
                             const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err)
 {
     const int given = hada_colours_known(fit->colour_matrix);
-    const int lit = mended->unlit || data->darkened == &mended->dark;
-    if (lit && given)
-        HADA_TRY(find_light_again(mended, fit, err));
+    const int common = data->darkened == &mended->dark;
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
-    if (lit && !given && hada_colours_known(fit->colour_matrix)) {
-        HADA_TRY(find_light_again(mended, fit, err));
+    if ((mended->unlit || common) && !given && hada_colours_known(fit->colour_matrix)) {
+        HADA_TRY(common ? correct_light(mended, context, *out, data, fit, ranks, err)
+                        : find_own_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
+    if (common)
+        HADA_TRY(correct_light(mended, context, *out, data, fit, ranks, err));
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
@@ -271,6 +275,7 @@ static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, con
     for (int apart = 0; apart < 2 && !better; apart++) { /* exposures that differ need more of the pairs */
         hada_dataset_destroy(&mended->unlit);
         free(mended->light);
+        mended->lit = lit;
         mended->apart = apart;
         HADA_TRY(hada_fit_find_own_light(&open, lit, apart, &mended->light, err));
         if (mended->light) {
@@ -366,7 +371,7 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
         HADA_TRY(hada_dataset_mend(&mended->sound, *data, &mended->flat, NULL, err));
         *data = mended->sound;
     }
-    const hada_dataset *lit = mended->lit = *data;
+    const hada_dataset *lit = *data;
     const int looks = surfaces && !encoded, open = fit->find_dark && fit->dark == 0.0;
     HADA_TRY(hada_fit_find_dark(fit, lit, looks ? &mended->dark : NULL, err));
     if (mended->dark.data)

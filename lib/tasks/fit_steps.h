@@ -18,9 +18,9 @@ typedef struct hada_mended {
     hada_dataset *sound, *above; /* without bad pixels; and without light that is in all frames */
     hada_image flat, dark;       /* of these */
     hada_dataset *unlit;         /* without light of each frame's own */
-    double *light;               /* that, as hada_fit_find_own_light() has it: exposures apart or not */
+    double *light;               /* that, as hada_fit_find_own_light() has it: exposures apart or not, */
     int apart;
-    const hada_dataset *lit; /* the pairs with either light; not owned */
+    const hada_dataset *lit; /* of these pairs; not owned */
 } hada_mended;
 void hada_mended_free(hada_mended *mended);
 
@@ -36,8 +36,7 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
                           const hada_communicator *ranks, int surfaces, hada_error *err);
 
 /* Finds the response of the scenes and what the sensor sees of their colours, for `fit`, and exposures; *even: the
- * pairs of one exposure. Mixed colours make light in frames, which `mended` has, less precise: it is found once more
- * with them. */
+ * pairs of one exposure. Light in frames, which `mended` has, becomes more precise once these are known. */
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended *mended, hada_context *context,
                             const hada_dataset *data, hada_fit_options *fit, hada_exposure exposure,
                             const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err);

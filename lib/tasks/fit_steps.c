@@ -176,8 +176,8 @@ done:
     return status;
 }
 
-/* Takes off what light all frames have still, once response, exposures and colours are known. */
-static hada_status correct_light(hada_mended *mended, hada_context *context, const hada_survey *survey,
+/* Takes off what light all frames have still, once a response, exposures and colours are known. */
+static hada_status correct_light(hada_mended *mended, hada_context *context, const hada_survey *survey, double response,
                                  const hada_dataset *data, const hada_fit_options *callers,
                                  const hada_communicator *ranks, hada_error *err)
 {
@@ -186,7 +186,7 @@ static hada_status correct_light(hada_mended *mended, hada_context *context, con
     const hada_dataset *seen;
     hada_image left = {0};
     hada_status status = HADA_OK;
-    fit.scene_response = survey->response;
+    fit.scene_response = response;
     HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, data, err));
     HADA_TRY_OR_DONE(purify(&fit, even, &pure, &seen, err));
     HADA_TRY_OR_DONE(hada_fit_find_common_light(&fit, context, seen, &left, err));
@@ -202,6 +202,51 @@ done:
     return status;
 }
 
+/* A survey anew of frames whose light was corrected, with a response, or HADA_AUTO; then the light once more. */
+static hada_status survey_again(hada_survey **out, hada_mended *mended, hada_context *context, double response,
+                                const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
+                                const hada_communicator *ranks, hada_error *err)
+{
+    hada_fit_options own = *fit;
+    own.scene_response = response;
+    HADA_TRY(survey_colours(out, context, data, &own, exposure, err));
+    return correct_light(mended, context, *out, (*out)->response, data, fit, ranks, err);
+}
+
+/* Corrects the light that all frames have, and by that the survey. With too much or too little light it may have found
+ * a response near to sRGB for this, so sRGB is tried as well, and taken if a survey finds it then. Exposures and light
+ * are corrected in turns. */
+static hada_status correct_survey(hada_survey **out, hada_mended *mended, hada_context *context,
+                                  const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
+                                  const hada_communicator *ranks, hada_error *err)
+{
+    enum { TURNS = 2 };
+    const double response = (*out)->response;
+    hada_survey *before = NULL;
+    hada_image light = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(correct_light(mended, context, *out, response, data, fit, ranks, err));
+    if (fit->scene_response == HADA_AUTO && response != HADA_RESPONSE_LINEAR) {
+        HADA_TRY_OR_DONE(hada_image_copy(&light, &mended->dark, err));
+        HADA_TRY_OR_DONE(correct_light(mended, context, *out, HADA_RESPONSE_SRGB, data, fit, ranks, err));
+        before = *out;
+        *out = NULL;
+        HADA_TRY_OR_DONE(survey_again(out, mended, context, HADA_AUTO, data, fit, exposure, ranks, err));
+        if ((*out)->response != HADA_RESPONSE_SRGB) {
+            hada_survey *const other = *out;
+            *out = before;
+            before = other;
+            memcpy(mended->dark.data, light.data, hada_image_count(&light) * sizeof *light.data);
+        }
+    }
+    for (int turn = 0; turn < TURNS && (*out)->exposed; turn++)
+        HADA_TRY_OR_DONE(survey_again(out, mended, context, (*out)->response, data, fit, exposure, ranks, err));
+done:
+    hada_survey_destroy(&before);
+    hada_image_destroy(&light);
+    return status;
+}
+
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended *mended, hada_context *context,
                             const hada_dataset *data, hada_fit_options *fit, hada_exposure exposure,
                             const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err)
@@ -210,13 +255,13 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
     const int common = data->darkened == &mended->dark;
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     if ((mended->unlit || common) && !given && hada_colours_known(fit->colour_matrix)) {
-        HADA_TRY(common ? correct_light(mended, context, *out, data, fit, ranks, err)
+        HADA_TRY(common ? correct_light(mended, context, *out, (*out)->response, data, fit, ranks, err)
                         : find_own_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
     if (common)
-        HADA_TRY(correct_light(mended, context, *out, data, fit, ranks, err));
+        HADA_TRY(correct_survey(out, mended, context, data, fit, exposure, ranks, err));
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,

@@ -350,7 +350,7 @@ hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int de
     kept->pair[kept->count++] = own;
 done:
     if (status)
-        HADA_FREE(own.raw, own.scene);
+        HADA_FREE(own.raw, own.scene, own.weights);
     return status;
 }
 

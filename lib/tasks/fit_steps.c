@@ -202,6 +202,13 @@ done:
     return status;
 }
 
+/* With too much or too little light in frames, a survey may find a response near to sRGB for this. */
+static double likely_response(const hada_fit_options *fit, const hada_survey *survey)
+{
+    return fit->scene_response == HADA_AUTO && survey->response != HADA_RESPONSE_LINEAR ? HADA_RESPONSE_SRGB
+                                                                                        : survey->response;
+}
+
 /* A survey anew of frames whose light was corrected, with a response, or HADA_AUTO; then the light once more. */
 static hada_status survey_again(hada_survey **out, hada_mended *mended, hada_context *context, double response,
                                 const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
@@ -213,26 +220,25 @@ static hada_status survey_again(hada_survey **out, hada_mended *mended, hada_con
     return correct_light(mended, context, *out, (*out)->response, data, fit, ranks, err);
 }
 
-/* Corrects the light that all frames have, and by that the survey. With too much or too little light it may have found
- * a response near to sRGB for this, so sRGB is tried as well, and taken if a survey finds it then. Exposures and light
- * are corrected in turns. */
+/* Corrects the light that all frames have, and by that the survey. Another response that is likely is taken if a survey
+ * finds it once the light is corrected for it. Exposures and light are corrected in turns. */
 static hada_status correct_survey(hada_survey **out, hada_mended *mended, hada_context *context,
                                   const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
                                   const hada_communicator *ranks, hada_error *err)
 {
     enum { TURNS = 2 };
-    const double response = (*out)->response;
+    const double likely = likely_response(fit, *out);
     hada_survey *before = NULL;
     hada_image light = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(correct_light(mended, context, *out, response, data, fit, ranks, err));
-    if (fit->scene_response == HADA_AUTO && response != HADA_RESPONSE_LINEAR) {
+    HADA_TRY_OR_DONE(correct_light(mended, context, *out, (*out)->response, data, fit, ranks, err));
+    if (likely != (*out)->response) {
         HADA_TRY_OR_DONE(hada_image_copy(&light, &mended->dark, err));
-        HADA_TRY_OR_DONE(correct_light(mended, context, *out, HADA_RESPONSE_SRGB, data, fit, ranks, err));
+        HADA_TRY_OR_DONE(correct_light(mended, context, *out, likely, data, fit, ranks, err));
         before = *out;
         *out = NULL;
         HADA_TRY_OR_DONE(survey_again(out, mended, context, HADA_AUTO, data, fit, exposure, ranks, err));
-        if ((*out)->response != HADA_RESPONSE_SRGB) {
+        if ((*out)->response != likely) {
             hada_survey *const other = *out;
             *out = before;
             before = other;
@@ -255,7 +261,7 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
     const int common = data->darkened == &mended->dark;
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     if ((mended->unlit || common) && !given && hada_colours_known(fit->colour_matrix)) {
-        HADA_TRY(common ? correct_light(mended, context, *out, (*out)->response, data, fit, ranks, err)
+        HADA_TRY(common ? correct_light(mended, context, *out, likely_response(fit, *out), data, fit, ranks, err)
                         : find_own_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));

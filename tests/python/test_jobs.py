@@ -254,10 +254,14 @@ def test_ctrl_c_ends_what_asks_nothing_else(what: str, camera: Path) -> None:
             work[what]()
 
     def stopped() -> BaseException | None:
-        """Return what the interrupt came from: nothing where Python was at work between two calls."""
-        signal.setitimer(signal.ITIMER_REAL, 0.5)
+        """Return what the interrupt came from: nothing where Python was at work between two calls.
+
+        It comes again where it is lost, as Python ignores what a finaliser raises.
+        """
+        signal.setitimer(signal.ITIMER_REAL, 0.5, 0.5)
         with pytest.raises(KeyboardInterrupt) as caught:
             again()
+        signal.setitimer(signal.ITIMER_REAL, 0)
         return caught.value.__cause__
 
     before = signal.signal(signal.SIGALRM, interrupt)

@@ -178,8 +178,7 @@ done:
 
 /* Takes off what light all frames have still, once a response, exposures and colours are known. */
 static hada_status correct_light(hada_mended *mended, hada_context *context, const hada_survey *survey, double response,
-                                 const hada_dataset *data, const hada_fit_options *callers,
-                                 const hada_communicator *ranks, hada_error *err)
+                                 const hada_dataset *data, const hada_fit_options *callers, hada_error *err)
 {
     hada_fit_options fit = *callers;
     hada_dataset *even = NULL, *pure = NULL;
@@ -194,7 +193,6 @@ static hada_status correct_light(hada_mended *mended, hada_context *context, con
         hada_colours_mix(left.data, hada_image_count(&left) / HADA_COLOURS, fit.colour_matrix);
     for (size_t i = 0; i < hada_image_count(&left); i++)
         mended->dark.data[i] += left.data[i];
-    HADA_TRY_OR_DONE(hada_broadcast(ranks, 0, mended->dark.data, hada_image_count(&left) * sizeof(float), err));
 done:
     hada_image_destroy(&left);
     hada_dataset_destroy(&pure);
@@ -212,32 +210,32 @@ static double likely_response(const hada_fit_options *fit, const hada_survey *su
 /* A survey anew of frames whose light was corrected, with a response, or HADA_AUTO; then the light once more. */
 static hada_status survey_again(hada_survey **out, hada_mended *mended, hada_context *context, double response,
                                 const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
-                                const hada_communicator *ranks, hada_error *err)
+                                hada_error *err)
 {
     hada_fit_options own = *fit;
     own.scene_response = response;
     HADA_TRY(survey_colours(out, context, data, &own, exposure, err));
-    return correct_light(mended, context, *out, (*out)->response, data, fit, ranks, err);
+    return correct_light(mended, context, *out, (*out)->response, data, fit, err);
 }
 
 /* Corrects the light that all frames have, and by that the survey. Another response that is likely is taken if a survey
  * finds it once the light is corrected for it. Exposures and light are corrected in turns. */
 static hada_status correct_survey(hada_survey **out, hada_mended *mended, hada_context *context,
                                   const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
-                                  const hada_communicator *ranks, hada_error *err)
+                                  hada_error *err)
 {
     enum { TURNS = 2 };
     const double likely = likely_response(fit, *out);
     hada_survey *before = NULL;
     hada_image light = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(correct_light(mended, context, *out, (*out)->response, data, fit, ranks, err));
+    HADA_TRY_OR_DONE(correct_light(mended, context, *out, (*out)->response, data, fit, err));
     if (likely != (*out)->response) {
         HADA_TRY_OR_DONE(hada_image_copy(&light, &mended->dark, err));
-        HADA_TRY_OR_DONE(correct_light(mended, context, *out, likely, data, fit, ranks, err));
+        HADA_TRY_OR_DONE(correct_light(mended, context, *out, likely, data, fit, err));
         before = *out;
         *out = NULL;
-        HADA_TRY_OR_DONE(survey_again(out, mended, context, HADA_AUTO, data, fit, exposure, ranks, err));
+        HADA_TRY_OR_DONE(survey_again(out, mended, context, HADA_AUTO, data, fit, exposure, err));
         if ((*out)->response != likely) {
             hada_survey *const other = *out;
             *out = before;
@@ -246,7 +244,7 @@ static hada_status correct_survey(hada_survey **out, hada_mended *mended, hada_c
         }
     }
     for (int turn = 0; turn < TURNS && (*out)->exposed; turn++)
-        HADA_TRY_OR_DONE(survey_again(out, mended, context, (*out)->response, data, fit, exposure, ranks, err));
+        HADA_TRY_OR_DONE(survey_again(out, mended, context, (*out)->response, data, fit, exposure, err));
 done:
     hada_survey_destroy(&before);
     hada_image_destroy(&light);
@@ -261,13 +259,15 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
     const int common = data->darkened == &mended->dark;
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     if ((mended->unlit || common) && !given && hada_colours_known(fit->colour_matrix)) {
-        HADA_TRY(common ? correct_light(mended, context, *out, likely_response(fit, *out), data, fit, ranks, err)
+        HADA_TRY(common ? correct_light(mended, context, *out, likely_response(fit, *out), data, fit, err)
                         : find_own_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
     if (common)
-        HADA_TRY(correct_survey(out, mended, context, data, fit, exposure, ranks, err));
+        HADA_TRY(correct_survey(out, mended, context, data, fit, exposure, err));
+    if (common) /* as devices round differently */
+        HADA_TRY(hada_broadcast(ranks, 0, mended->dark.data, hada_image_count(&mended->dark) * sizeof(float), err));
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,

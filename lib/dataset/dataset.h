@@ -166,7 +166,7 @@ void hada_scene_brighten(hada_image *scene, double gain, double response);
  * by the call. */
 hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err);
 
-/* The pairs of hada_dataset_from_images(), whose frames have these weights, as hada_pair has them; empty: all are 1. */
+/* As hada_dataset_from_images(), with an image of weights for each frame (hada_pair); an empty one: all are 1. */
 hada_status hada_dataset_from_weighted(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
                                        const hada_image *raws, const hada_image *scenes, const hada_image *weights,
                                        hada_error *err);

@@ -43,8 +43,8 @@ static int is_known(const hada_image *weights, size_t at)
     return 1;
 }
 
-/* Means of blocks of one channel of frame i, less the smooth surface that is nearest to them, 0 where less than half of
- * one is known; plus: NULL, or added to the channel. */
+/* Means of blocks of one channel of a pair's frame, less the smooth surface that is nearest to them; 0 where less than
+ * half of a block is known. plus: NULL, or added to the channel. */
 static void reduce(const colour_trial *of, int pair, const float *channel, const float *plus, float *to)
 {
     const hada_fit_options *options = of->options;

@@ -73,7 +73,7 @@ static hada_status find_surface(const hada_look *at, const hada_dataset *pairs, 
     return HADA_OK;
 }
 
-/* Adds the surface that a channel of a depth has to that of the channel, `parts` of which are wanted. */
+/* Adds to the light the surface of a channel that the pairs of a depth have, as one of `parts` of a mean. */
 static hada_status add_channel(hada_look *at, const hada_dataset *pairs, double response, int parts, hada_image *light,
                                hada_error *err)
 {
@@ -112,13 +112,14 @@ hada_status hada_fit_find_common_light(const hada_fit_options *fit, hada_context
 {
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
     hada_fit_options options = *fit;
+    const int looked = hada_least(fit->depths, DEPTHS);
     int depth[DEPTHS], parts = 0;
     hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(light, fit->channels, fit->raw_rows, fit->raw_cols, err));
     options.dark = 0.0;
     options.scene_response = HADA_RESPONSE_LINEAR;
-    for (int k = 0; k < hada_least(fit->depths, DEPTHS); k++) {
-        const int z = hada_spread(k, hada_least(fit->depths, DEPTHS), fit->depths);
+    for (int k = 0; k < looked; k++) {
+        const int z = hada_spread(k, looked, fit->depths);
         if (info->counts[z] >= LEAST_PAIRS)
             depth[parts++] = z;
     }

@@ -93,8 +93,9 @@ hada_status hada_fit_find_bad_pixels(const hada_fit_options *sizes, const hada_d
  * was found. */
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
                                hada_error *err);
-/* What light is in all frames of pairs of one exposure, whose response is known: a smooth surface, of all channels,
- * created by the call. From depths with three pairs and more. */
+/* Finds the light that all frames hold beside that of their scenes: a smooth surface of each channel. *light is created
+ * by the call. The pairs are of one exposure, fit->scene_response is known, and depths with fewer than three pairs do
+ * not count. */
 hada_status hada_fit_find_common_light(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
                                        hada_image *light, hada_error *err);
 /* Light that comes from no scene and differs from frame to frame, a smooth surface of each: [pair][channel]

@@ -143,7 +143,7 @@ hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure 
  * goes on from there until its plane settles, for all of which the refiner must be made; and steps that refinement with
  * a chosen weight takes at most from nothing, and for a mosaic. */
 enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20, HADA_CHOSEN_MOSAIC_STEPS = 30 };
-/* Steps at least where many values are saturated, whose light settles slowly. */
+/* The fewest steps where many values are saturated: the light that these hide settles slowly. */
 enum { HADA_SATURATED_STEPS = 30 };
 
 /* How planes are refined if nobody says otherwise. */

@@ -200,7 +200,8 @@ done:
     return status;
 }
 
-/* With too much or too little light in frames, a survey may find a response near to sRGB for this. */
+/* The response to correct the light for. Scenes are nearly always linear or sRGB; where light is not right yet, a
+ * survey may find one near to sRGB instead. */
 static double likely_response(const hada_fit_options *fit, const hada_survey *survey)
 {
     return fit->scene_response == HADA_AUTO && survey->response != HADA_RESPONSE_LINEAR ? HADA_RESPONSE_SRGB

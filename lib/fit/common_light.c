@@ -9,9 +9,11 @@
 /* Depths that are looked at at most, and pairs that each needs. */
 enum { DEPTHS = 3, LEAST_PAIRS = 3 };
 
-/* Copies of the pairs that were taken, with linear scenes, as they are and less their mean. */
+/* Copies of the pairs that were taken, with linear scenes, as they are and less their mean; known: where all pairs are
+ * known, and so their mean, empty: everywhere. */
 typedef struct centred_pairs {
     hada_image scene[HADA_LOOK_MOST], raw_less[HADA_LOOK_MOST], scene_less[HADA_LOOK_MOST];
+    hada_image known;
 } centred_pairs;
 
 static void destroy(centred_pairs *of)
@@ -21,6 +23,7 @@ static void destroy(centred_pairs *of)
         hada_image_destroy(&of->raw_less[i]);
         hada_image_destroy(&of->scene_less[i]);
     }
+    hada_image_destroy(&of->known);
 }
 
 static void subtract_mean(hada_image *images, int count)
@@ -34,6 +37,21 @@ static void subtract_mean(hada_image *images, int count)
     }
 }
 
+static hada_status find_known(hada_image *known, const hada_look *at, hada_error *err)
+{
+    for (int i = 0; i < at->count; i++) {
+        const hada_image *weights = &at->weights[i];
+        if (weights->data && !known->data) {
+            HADA_TRY(hada_image_create(known, 1, weights->rows, weights->cols, err));
+            for (size_t k = 0; k < hada_image_count(known); k++)
+                known->data[k] = 1.0f;
+        }
+        for (size_t k = 0; weights->data && k < hada_image_count(known); k++)
+            known->data[k] = weights->data[k] == 1.0f ? known->data[k] : 0.0f;
+    }
+    return HADA_OK;
+}
+
 static hada_status centre(centred_pairs *of, const hada_look *at, double response, hada_error *err)
 {
     for (int i = 0; i < at->count; i++) {
@@ -44,32 +62,27 @@ static hada_status centre(centred_pairs *of, const hada_look *at, double respons
     }
     subtract_mean(of->scene_less, at->count);
     subtract_mean(of->raw_less, at->count);
-    return HADA_OK;
+    return find_known(&of->known, at, err);
 }
 
 /* The surface of a channel that pairs of one depth leave: frames less predictions, in the mean, of pixels that all
  * know. */
-static hada_status find_surface(const hada_look *at, const hada_dataset *pairs, float *rest, double *surface,
-                                hada_error *err)
+static hada_status find_surface(const hada_look *at, const hada_dataset *pairs, const hada_image *known, float *rest,
+                                double *surface, hada_error *err)
 {
     const hada_fit_options *options = at->options;
     const size_t area = (size_t)options->raw_rows * (size_t)options->raw_cols;
     double left[HADA_LOOK_MOST];
     int rows, cols;
-    float *known = rest + (size_t)at->count * area;
     hada_look_whole(options, &rows, &cols);
     HADA_TRY(hada_look_explain(at, rows, cols, pairs, left, NULL, rest, err));
     for (size_t k = 0; k < area; k++) {
         double sum = 0.0;
-        known[k] = 1.0f;
-        for (int i = 0; i < at->count; i++) {
+        for (int i = 0; i < at->count; i++)
             sum -= (double)rest[(size_t)i * area + k] / at->count;
-            if (at->weights[i].data && at->weights[i].data[k] != 1.0f)
-                known[k] = 0.0f;
-        }
         rest[k] = (float)sum;
     }
-    hada_smooth_nearest(rest, known, options->raw_rows, options->raw_cols, surface);
+    hada_smooth_nearest(rest, known->data, options->raw_rows, options->raw_cols, surface);
     return HADA_OK;
 }
 
@@ -88,15 +101,17 @@ static hada_status add_channel(hada_look *at, const hada_dataset *pairs, double 
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_look_take(at, pairs, err));
     HADA_TRY_OR_DONE(centre(&centred, at, response, err));
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(rest, (size_t)(at->count + 1) * area, "frames", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(rest, (size_t)at->count * area, "frames", err));
     own = *at;
     memcpy(own.raw, centred.raw_less, sizeof own.raw);
     memcpy(own.scene, centred.scene_less, sizeof own.scene);
+    for (int i = 0; i < at->count; i++)
+        own.weights[i] = centred.known;
     HADA_TRY_OR_DONE(
         hada_dataset_from_weighted(&shown, 1, distance, &at->count, at->raw, centred.scene, at->weights, err));
-    HADA_TRY_OR_DONE(hada_dataset_from_weighted(&less, 1, distance, &at->count, own.raw, own.scene, at->weights, err));
+    HADA_TRY_OR_DONE(hada_dataset_from_weighted(&less, 1, distance, &at->count, own.raw, own.scene, own.weights, err));
     own.learned = less;
-    HADA_TRY_OR_DONE(find_surface(&own, shown, rest, surface, err));
+    HADA_TRY_OR_DONE(find_surface(&own, shown, &centred.known, rest, surface, err));
     hada_smooth_add(surface, 1.0 / parts, &channel);
 done:
     free(rest);

@@ -104,19 +104,15 @@ hada_status hada_fit_refine_dark(hada_fit_options *callers, hada_context *contex
 {
     hada_fit_options options = *callers;
     hada_look at = {.context = context, .options = &options, .depth = hada_look_depth(callers, pairs)};
-    const hada_image *surface = hada_dataset_get_info(pairs)->dark_frame;
-    const int circular = options.boundary == HADA_BOUNDARY_CIRCULAR;
-    double left[3], step = DARK_STEP * callers->dark;
+    const double step = DARK_STEP * callers->dark;
+    double left[3];
     hada_status status = HADA_OK;
     if (at.depth == options.depths)
         return HADA_OK;
-    for (size_t i = 0; surface && i < hada_image_count(surface); i++)
-        step += DARK_STEP * surface->data[i] / (double)hada_image_count(surface);
     HADA_TRY_OR_DONE(hada_look_take(&at, pairs, err));
     for (int k = 0; k < 3; k++) {
         options.dark = callers->dark + step * (k - 1);
-        HADA_TRY_OR_DONE(hada_look_left(&at, circular ? options.raw_rows : options.grid_rows,
-                                        circular ? options.raw_cols : options.grid_cols, &left[k], err));
+        HADA_TRY_OR_DONE(hada_look_left(&at, options.grid_rows, options.grid_cols, &left[k], err));
     }
     const double steps = hada_parabola_top(-left[0], -left[1], -left[2]);
     callers->dark += step * fmin(fmax(steps, -MOST_STEPS), MOST_STEPS);

@@ -3,7 +3,9 @@
 #include <float.h>
 #include <hadalens/response.h>
 
+#include "core/numbers.h"
 #include "fit/look.h"
+#include "image/correct.h"
 #include "image/pixels.h"
 
 /* Another response than the survey's must leave so much less of held-out frames: than linear, than others, and where
@@ -24,61 +26,56 @@
 #define DIM 0.1
 
 /* Exposures become more precise in so many rounds, in each by this factor at most. */
-enum { SHADES = 3, ROUNDS = 3 };
+enum { ROUNDS = 3 };
 #define MOST_CHANGE 1.5
 
-/* The pairs that were taken with their scenes as bright as they are, as black, and twice as bright in light. */
-static hada_status shades(const hada_look *at, hada_image *raws, hada_image *scenes, hada_image *weights,
-                          hada_error *err)
+/* The exposure of a frame by what its scene makes, with a smooth surface beside it where light is to be left out:
+ * least squares of pixels that are known. */
+static double exposure_of(const hada_look *at, int pair, const hada_image *frame, double dark, const float *made)
 {
-    const double response = at->options->scene_response;
-    for (int i = 0; i < SHADES * at->count; i++) {
-        const int of = i % at->count, shade = i / at->count;
-        raws[i] = at->raw[of];
-        weights[i] = at->weights[of];
-        HADA_TRY(hada_image_copy(&scenes[i], &at->scene[of], err));
-        hada_scene_brighten(&scenes[i], shade, response);
+    enum { MOST = 1 + HADA_SMOOTH_TERMS };
+    const int rows = at->options->raw_rows, cols = at->options->raw_cols, n = at->centred || at->smooth ? MOST : 1;
+    const float *weights = at->weights[pair].data;
+    double normal[MOST * MOST] = {0.0}, right[MOST] = {0.0}, term[MOST];
+    for (int p = 0; p < rows * cols; p++) {
+        const double y = hada_smooth_place(p / cols + 0.5, rows), x = hada_smooth_place(p % cols + 0.5, cols);
+        for (int k = 0; k < n && (!weights || weights[p] == 1.0f); k++) {
+            term[k] = k ? hada_smooth_term(k - 1, y, x) : (double)made[p];
+            right[k] += term[k] * ((double)frame->data[p] - dark);
+            for (int j = 0; j <= k; j++)
+                normal[k * n + j] += term[k] * term[j];
+        }
     }
-    return HADA_OK;
-}
-
-/* What is left of a frame is a parabola in its scene's brightness, known from three of these: where it is least. */
-static double brightness(double black, double plain, double twice)
-{
-    const double power = 0.5 * (twice - 2.0 * plain + black), cross = 0.5 * (black + power - plain);
-    return power > 0.0 && cross > 0.0 ? fmin(fmax(cross / power, 1.0 / MOST_CHANGE), MOST_CHANGE) : 1.0;
+    if (!hada_cholesky_factor(normal, n))
+        return 1.0;
+    hada_cholesky_solve(normal, n, right);
+    return right[0] > 0.0 ? fmin(fmax(right[0], 1.0 / MOST_CHANGE), MOST_CHANGE) : 1.0;
 }
 
 /* Exposures of the pairs that `at` names, from what they make of each other together. Their geometric mean stays. */
 static hada_status expose_group(hada_look *at, const hada_survey *survey, const hada_dataset *pairs, hada_error *err)
 {
-    double *gain = (double *)(uintptr_t)survey->gains[at->depth] + at->first, left[SHADES * HADA_LOOK_MOST];
-    hada_image raws[SHADES * HADA_LOOK_MOST], scenes[SHADES * HADA_LOOK_MOST] = {{0}};
-    hada_image weights[SHADES * HADA_LOOK_MOST];
-    const double distance = at->options->distances_mm[at->depth];
-    const int count = SHADES * at->group;
-    hada_dataset *even = NULL, *shown = NULL;
-    double mean = 0.0;
-    int rows, cols;
+    const size_t area = (size_t)at->options->raw_rows * (size_t)at->options->raw_cols;
+    double *gain = (double *)(uintptr_t)survey->gains[at->depth] + at->first;
+    double times[HADA_LOOK_MOST], dark[HADA_LOOK_MOST], mean = 0.0;
+    hada_image frame[HADA_LOOK_MOST];
+    hada_dataset *even = NULL;
+    float *made = NULL;
     hada_status status = HADA_OK;
-    hada_look_whole(at->options, &rows, &cols);
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(made, (size_t)at->group * area, "frames", err));
     HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, pairs, err));
     HADA_TRY_OR_DONE(hada_look_take(at, even, err));
-    HADA_TRY_OR_DONE(shades(at, raws, scenes, weights, err));
-    HADA_TRY_OR_DONE(hada_dataset_from_weighted(&shown, 1, &distance, &count, raws, scenes, weights, err));
-    HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, shown, left, NULL, NULL, err));
+    HADA_TRY_OR_DONE(hada_look_predict(at, made, frame, dark, err));
     for (int i = 0; i < at->group; i++) {
-        left[i] = brightness(left[i], left[i + at->group], left[i + 2 * at->group]);
-        mean += log(left[i]) / at->group;
+        times[i] = exposure_of(at, i, &frame[i], dark[i], made + (size_t)i * area);
+        mean += log(times[i]) / at->group;
     }
     for (int i = 0; i < at->group; i++)
-        gain[i] *= left[i] / exp(mean);
+        gain[i] *= times[i] / exp(mean);
 done:
+    free(made);
     hada_look_return(at);
-    hada_dataset_destroy(&shown);
     hada_dataset_destroy(&even);
-    for (int i = 0; i < count; i++)
-        hada_image_destroy(&scenes[i]);
     return status;
 }
 
@@ -93,6 +90,7 @@ static hada_status expose_depth(const hada_survey *survey, const hada_fit_option
     for (int g = 0; count >= HADA_LOOK_LEAST && g < groups; g++)
         for (int round = 0; round < ROUNDS; round++) {
             hada_look at = {.context = context, .options = &options, .depth = depth, .first = count * g / groups};
+            hada_look_ignore_light(&at, pairs);
             at.group = count * (g + 1) / groups - at.first;
             HADA_TRY(expose_group(&at, survey, pairs, err));
         }
@@ -154,17 +152,19 @@ typedef struct confirming {
     const hada_dataset *pairs;
     int rows, chosen; /* of the survey: how many, and which it chose */
     int apart;
-    double *left; /* of each row; 0: not known yet */
+    double *left; /* of a frame, for each row; 0: not known yet */
 } confirming;
 
 /* of->left: free(). `fit` has the depth of a pair that can be held out, or there are no rows. */
 static hada_status begin(confirming *of, hada_context *context, const hada_fit_options *fit, const hada_survey *survey,
-                         const hada_dataset *pairs, hada_error *err)
+                         const hada_dataset *pairs, int smooth, hada_error *err)
 {
     *of = (confirming){.options = *fit, .survey = survey, .pairs = pairs};
     of->at = (hada_look){.context = context, .options = &of->options, .depth = hada_look_depth(fit, pairs)};
     if (of->at.depth == fit->depths)
         return HADA_OK;
+    of->at.smooth = smooth;
+    hada_look_ignore_light(&of->at, pairs);
     for (; survey->rows[of->rows]; of->rows++) /* none where pairs do not fit */
         of->chosen = survey->rows[of->rows]->chosen ? of->rows : of->chosen;
     return HADA_NEW(of->left, (size_t)of->rows, "responses", err);
@@ -190,8 +190,15 @@ static hada_status left_with(confirming *of, int row, hada_error *err)
     of->options.scene_response = of->survey->rows[row]->response;
     if (of->apart)
         HADA_TRY_OR_DONE(expose(of, &even, &exposures, err));
-    HADA_TRY_OR_DONE(hada_look_take(&of->at, even ? even : of->pairs, err));
-    HADA_TRY_OR_DONE(hada_look_left(&of->at, rows, cols, &of->left[row], err));
+    for (int turn = 0, turns = 1; turn < turns; turn++) { /* of few, each is held out */
+        double left = 0.0;
+        of->at.first = turn;
+        HADA_TRY_OR_DONE(hada_look_take(&of->at, even ? even : of->pairs, err));
+        HADA_TRY_OR_DONE(hada_look_left(&of->at, rows, cols, &left, err));
+        turns = of->at.centred && of->at.held == 1 ? of->at.count : 1;
+        of->left[row] += left / (turns * of->at.held);
+        hada_look_return(&of->at);
+    }
 done:
     hada_look_return(&of->at);
     hada_dataset_destroy(&even);
@@ -228,7 +235,8 @@ static hada_status confirm(confirming *of, int apart, int *row, double *least, h
 {
     const int chosen = of->chosen;
     const double response = of->survey->rows[chosen]->response;
-    const double sure = of->options.find_dark ? SURE_WITH_DARK : response == HADA_RESPONSE_LINEAR ? SURE : NEARLY_SURE;
+    const int dark = of->options.find_dark && !of->at.centred;
+    const double sure = dark ? SURE_WITH_DARK : response == HADA_RESPONSE_LINEAR ? SURE : NEARLY_SURE;
     int best;
     of->apart = apart;
     memset(of->left, 0, (size_t)of->rows * sizeof *of->left);
@@ -261,7 +269,7 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
     const int looks = may_be_apart(survey, exposure);
     double left_alike = INFINITY, left_apart = INFINITY;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
+    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, 0, err));
     if (!of.rows || (of.rows == 1 && !looks))
         goto done;
     if (exposure != HADA_EXPOSURE_EACH)
@@ -294,8 +302,7 @@ static hada_status left_of(const hada_fit_options *fit, hada_context *context, c
     int row;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_AUTO, err));
-    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
-    of.at.smooth = smooth;
+    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, smooth, err));
     if (!of.rows)
         goto done;
     HADA_TRY_OR_DONE(confirm(&of, 0, &row, left, err));

@@ -115,14 +115,17 @@ static hada_status draw(const hada_sample *work, const hada_light *from, const l
     return HADA_OK;
 }
 
+/* With exposures alike or apart, as leaves less. */
 static hada_status find_surface(hada_sample *work, const left_over *otherwise, hada_image *out, hada_error *err)
 {
-    hada_light light = {0};
+    hada_light alike = {0}, apart = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, 0, &light, err));
-    HADA_TRY_OR_DONE(draw(work, &light, otherwise, out, err));
+    HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, 0, &alike, err));
+    HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, 1, &apart, err));
+    HADA_TRY_OR_DONE(draw(work, apart.mean < alike.mean ? &apart : &alike, otherwise, out, err));
 done:
-    hada_light_free(&light);
+    hada_light_free(&alike);
+    hada_light_free(&apart);
     return status;
 }
 

@@ -1,6 +1,7 @@
 #include "fit/look.h"
 
 #include <hadalens/pixels.h>
+#include <hadalens/response.h>
 
 #include "image/correct.h"
 #include "image/statistics.h"
@@ -8,6 +9,8 @@
 /* Pairs of a depth from which on two are held out, and iterations: fewer than for a model, as only a few settings are
  * compared (docs/explanation/learning-a-camera.md). */
 enum { MANY_PAIRS = 4, PASSES = 9, WEIGHTED_PASSES = 27 };
+/* The same where they are centred, which takes the worth of one away; fewer lose too much. */
+enum { CENTRED_PAIRS = 4, MANY_CENTRED = 6 };
 /* Differences of this share of the noise's energy say nothing, for it is not known so well. */
 #define LEAST_OF_NOISE 0.02
 #define WHY            "looks at pairs, for boundary, response and dark level"
@@ -21,12 +24,66 @@ static hada_image channel_of(const hada_image *image, int channel)
     return (hada_image){1, image->rows, image->cols, image->data + (size_t)channel * area};
 }
 
+static int channel_number(const hada_look *at)
+{
+    return at->channel ? at->channel - 1 : at->options->channels / 2;
+}
+
+/* A copy of an image of pairs as it counts, and its share of the mean, which is created. */
+static hada_status copy_linear(const hada_image *from, double response, double share, hada_image *copy,
+                               hada_image *mean, hada_error *err)
+{
+    HADA_TRY(hada_image_copy(copy, from, err));
+    hada_response_convert(copy->data, hada_image_count(copy), response, HADA_RESPONSE_LINEAR);
+    if (!mean->data)
+        HADA_TRY(hada_image_create(mean, from->channels, from->rows, from->cols, err));
+    for (size_t k = 0; k < hada_image_count(copy); k++)
+        mean->data[k] += (float)(share * copy->data[k]);
+    return HADA_OK;
+}
+
+/* Pixels that pair number i does not know, the mean does not know either. */
+static hada_status know(hada_look *at, int i, hada_error *err)
+{
+    const hada_image *weights = &at->weights[i];
+    if (!weights->data)
+        return HADA_OK;
+    const int first = !at->known.data;
+    if (first)
+        HADA_TRY(hada_image_create(&at->known, 1, weights->rows, weights->cols, err));
+    for (size_t k = 0; k < hada_image_count(weights); k++)
+        at->known.data[k] = weights->data[k] == 1.0f && (first || at->known.data[k] != 0.0f) ? 1.0f : 0.0f;
+    return HADA_OK;
+}
+
+static hada_status centre(hada_look *at, int learned, hada_error *err)
+{
+    const double *distance = &at->options->distances_mm[at->depth];
+    const int one = 1;
+    hada_image *raw = &at->own_raw[HADA_LOOK_MOST], *scene = &at->own_scene[HADA_LOOK_MOST];
+    for (int i = 0; i < at->count; i++) {
+        const double share = i < learned ? 1.0 / learned : 0.0;
+        HADA_TRY(copy_linear(&at->raw[i], HADA_RESPONSE_LINEAR, share, &at->own_raw[i], raw, err));
+        HADA_TRY(copy_linear(&at->scene[i], at->options->scene_response, share, &at->own_scene[i], scene, err));
+        HADA_TRY(know(at, i, err));
+    }
+    for (int i = 0; i < at->count; i++) {
+        at->raw[i] = at->own_raw[i];
+        at->scene[i] = at->own_scene[i];
+        at->weights[i] = at->known;
+        for (size_t k = 0; k < hada_image_count(raw); k++)
+            at->raw[i].data[k] -= raw->data[k];
+        for (size_t k = 0; k < hada_image_count(scene); k++)
+            at->scene[i].data[k] -= scene->data[k];
+    }
+    return hada_dataset_from_weighted(&at->mean, 1, distance, &one, raw, scene, &at->known, err);
+}
+
 hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error *err)
 {
     const double *distance = &at->options->distances_mm[at->depth];
-    const int all = hada_dataset_get_info(pairs)->counts[at->depth],
-              channel = at->channel ? at->channel - 1 : at->options->channels / 2;
-    at->held = at->group ? 0 : all >= MANY_PAIRS ? HADA_LOOK_HELD : 1;
+    const int all = hada_dataset_get_info(pairs)->counts[at->depth], channel = channel_number(at);
+    at->held = at->group ? 0 : all >= (at->centred ? MANY_CENTRED : MANY_PAIRS) ? HADA_LOOK_HELD : 1;
     const int count = at->group ? at->group : hada_least(all, HADA_LOOK_LEARNED + at->held), learned = count - at->held;
     for (; at->count < count; at->count++) {
         const int number = at->group ? at->first + at->count : (int)(((long)at->count * all / count + at->first) % all);
@@ -43,6 +100,8 @@ hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error 
         at->scene[at->count] = channel_of(pair->scene, channel);
         at->weights[at->count] = pair->weights ? channel_of(pair->weights, channel) : (hada_image){0};
     }
+    if (at->centred)
+        HADA_TRY(centre(at, learned, err));
     HADA_TRY(hada_dataset_from_weighted(&at->learned, 1, distance, &learned, at->raw, at->scene, at->weights, err));
     return at->group ? HADA_OK
                      : hada_dataset_from_weighted(&at->held_out, 1, distance, &at->held, at->raw + learned,
@@ -53,8 +112,27 @@ void hada_look_return(hada_look *at)
 {
     hada_dataset_destroy(&at->learned);
     hada_dataset_destroy(&at->held_out);
+    hada_dataset_destroy(&at->mean);
+    hada_image_destroy(&at->known);
+    for (int i = 0; i <= HADA_LOOK_MOST; i++) {
+        hada_image_destroy(&at->own_raw[i]);
+        hada_image_destroy(&at->own_scene[i]);
+    }
     while (at->count)
         hada_pair_return(&at->pair[--at->count]);
+}
+
+int hada_look_is_lit(const hada_fit_options *options, const hada_dataset *pairs)
+{
+    return options->find_dark && hada_dataset_get_info(pairs)->dark_frame;
+}
+
+void hada_look_ignore_light(hada_look *at, const hada_dataset *pairs)
+{
+    const int lit = hada_look_is_lit(at->options, pairs),
+              many = hada_dataset_get_info(pairs)->counts[at->depth] >= CENTRED_PAIRS;
+    at->centred = lit && many;
+    at->smooth = at->smooth || (lit && !many);
 }
 
 hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
@@ -75,6 +153,10 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
     options.grid_rows = rows;
     options.grid_cols = cols;
     options.refine_steps = 0;
+    if (at->centred) {
+        options.scene_response = HADA_RESPONSE_LINEAR;
+        options.dark = 0.0;
+    }
     options.communicator = NULL;
     options.sums = NULL;
     HADA_TRY_OR_DONE(hada_fitter_create(&fitter, at->context, &options, err));
@@ -94,11 +176,39 @@ done:
     return status;
 }
 
+hada_status hada_look_predict(const hada_look *at, float *made, hada_image *frame, double *dark, hada_error *err)
+{
+    const size_t area = (size_t)at->options->raw_rows * (size_t)at->options->raw_cols;
+    double left[HADA_LOOK_MOST];
+    float *room = NULL;
+    int rows, cols;
+    hada_status status = HADA_OK;
+    hada_look_whole(at->options, &rows, &cols);
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(room, area, "frames", err));
+    HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, at->learned, left, NULL, made, err));
+    for (int i = 0; i < at->count - at->held; i++) {
+        frame[i] = channel_of(at->pair[i].raw, channel_number(at));
+        dark[i] = at->centred                      ? 0.0
+                  : at->options->dark == HADA_AUTO ? hada_dark_estimate(frame[i].data, area, room)
+                                                   : at->options->dark;
+        for (size_t k = 0; k < area; k++)
+            made[(size_t)i * area + k] += frame[i].data[k] - (float)dark[i];
+    }
+    if (at->centred) { /* the mean frame, which was taken off, is in them: it becomes what transfer functions make */
+        HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, at->mean, left, NULL, room, err));
+        for (size_t k = 0; k < area * (size_t)(at->count - at->held); k++)
+            made[k] += room[k % area];
+    }
+done:
+    free(room);
+    return status;
+}
+
 /* The noise's energy in a channel of a frame. Of a mosaic: where colours were filled in by means of neighbours, it is a
  * half or a quarter of what it is at the channel's own pixels, which are rows x cols / 2 or half as many. */
 static hada_status noise_energy(const hada_look *at, const hada_image *frame, double *energy, hada_error *err)
 {
-    const int channel = at->channel ? at->channel - 1 : at->options->channels / 2, green = channel == 1;
+    const int channel = channel_number(at), green = channel == 1;
     const hada_mosaic mosaic = at->options->mosaic;
     hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
     hada_image own = {0};

@@ -22,12 +22,15 @@ typedef struct hada_look {
     const hada_fit_options *options;
     int depth, first, count, held; /* first: the number of the pair that comes first */
     int channel;                   /* from 1 on; 0: the middle one */
-    int smooth; /* 1: what is left of a frame counts but for a smooth surface (hada_smooth_term()) and noise */
-    int group;  /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
+    int smooth;  /* 1: what is left of a frame counts but for a smooth surface (hada_smooth_term()) and noise */
+    int group;   /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
+    int centred; /* 1: pairs are taken less the mean of those that are learned from, so that light that all frames hold
+                    does not count; scenes are linear then */
     hada_pair pair[HADA_LOOK_MOST];
     hada_image raw[HADA_LOOK_MOST], scene[HADA_LOOK_MOST]; /* their channels, not owned */
     hada_image weights[HADA_LOOK_MOST];                    /* the same; empty: all are 1 */
-    hada_dataset *learned, *held_out;
+    hada_dataset *learned, *held_out, *mean;               /* mean: that pair, where they are centred */
+    hada_image own_raw[HADA_LOOK_MOST + 1], own_scene[HADA_LOOK_MOST + 1], known; /* where they are; the mean last */
 } hada_look;
 
 /* Takes the pairs of at->depth, spread over all from at->first on. */
@@ -40,6 +43,13 @@ hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left
  * pixels of these frames. Either may be NULL. */
 hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
                               double *light, float *rest, hada_error *err);
+/* What the scenes that were learned from make of their frames, [pair][row][col]; frame[pair], not owned, and
+ * dark[pair]: the channel of each as it was taken, and its dark level. */
+hada_status hada_look_predict(const hada_look *at, float *made, hada_image *frame, double *dark, hada_error *err);
+/* Whether light that all frames hold was found and taken off, though not exactly; and a look to which what is left of
+ * it makes no difference: centred, or, at depths with few pairs, smooth. */
+int hada_look_is_lit(const hada_fit_options *options, const hada_dataset *pairs);
+void hada_look_ignore_light(hada_look *at, const hada_dataset *pairs);
 
 /* A side of the grid with overhang number k; and both sides of the grid that holds all light, with options->boundary.
  */

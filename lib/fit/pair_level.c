@@ -299,6 +299,7 @@ static void judge_channel(const hada_pair_level *level, int pair, int channel, d
         double p[2];
         predict(level, frame, scene, taken, mean, i, p);
         const double off[2] = {b[0] - gain * p[0], b[1] - gain * p[1]};
+        to->energy += weight * (b[0] * b[0] + b[1] * b[1]);
         to->left += weight * (off[0] * off[0] + off[1] * off[1]);
         to->cross += weight * (p[0] * b[0] + p[1] * b[1]);
         to->power += weight * (p[0] * p[0] + p[1] * p[1]);
@@ -330,7 +331,7 @@ void hada_pair_level_judge(hada_pair_level *level, const double *gain, int itsel
     }
     for (int k = 0; k < level->count; k++) {
         const hada_judgement *one = &level->judged[k];
-        unexplained[k] = level->frame_energy[k] > 0.0 ? one->left / level->frame_energy[k] : 0.0;
+        unexplained[k] = one->energy > 0.0 ? one->left / one->energy : 0.0;
         if (better)
             better[k] = one->power > 0.0 ? one->cross / one->power : 1.0;
     }
@@ -372,7 +373,8 @@ void hada_pair_level_expose_again(hada_pair_level *level, double *gain, double *
 void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexplained, double *room)
 {
     for (int k = 0; k < level->count; k++)
-        gain[k] = within(level->scene_light[k] > 0.0 ? level->frame_light[k] / level->scene_light[k] : 1.0);
+        gain[k] =
+            within(level->scene_light[k] > 0.0 && !level->sharp ? level->frame_light[k] / level->scene_light[k] : 1.0);
     normalise(level, gain);
     for (int round = 0; round < ROUNDS; round++)
         hada_pair_level_expose_again(level, gain, unexplained, room);

@@ -24,10 +24,10 @@ hada_status hada_reduce_frame(const hada_reducer *reducer, const hada_image *raw
 hada_status hada_reduce_scene(const hada_reducer *reducer, const hada_image *scene, double response, hada_image *out,
                               hada_error *err);
 
-/* Of one pair: what is left of its frame, and the products of frame and prediction, and of the prediction with itself,
- * at exposure 1. */
+/* Of one pair: its frame's energy, what is left of that, and the products of frame and prediction, and of the
+ * prediction with itself, at exposure 1. */
 typedef struct hada_judgement {
-    double left, cross, power;
+    double energy, left, cross, power;
 } hada_judgement;
 
 typedef struct hada_pair_level {

@@ -5,7 +5,7 @@
 
 #include "core/callers.h"
 #include "dataset/dataset.h"
-#include "fit/fitter.h"
+#include "fit/look.h"
 #include "fit/pair_level.h"
 #include "image/pixels.h"
 
@@ -123,7 +123,7 @@ static void judge(hada_pair_level *level, const double *gain, int itself, shares
     hada_pair_level_judge(level, gain, itself, unexplained, NULL);
     for (int k = 0; k < level->count; k++) {
         const hada_judgement *one = &level->judged[k];
-        const double most = one->power * level->frame_energy[k];
+        const double most = one->power * one->energy;
         out->log[k] = log(fmax(most > 0.0 ? 1.0 - one->cross * one->cross / most : 1.0, 1e-9));
     }
 }
@@ -365,8 +365,10 @@ static hada_status screen(screening *of, unsigned char *const *leave, int *count
 static hada_status make_levels(screening *of, hada_error *err)
 {
     HADA_TRY(hada_reducer_create(&of->reducer, of->options, err));
-    for (int r = 0; r < of->tried; r++)
+    for (int r = 0; r < of->tried; r++) {
         HADA_TRY(hada_pair_level_create(&of->level[r], of->reducer.grid, of->options->channels, MOST_PAIRS, err));
+        of->level[r].sharp = hada_look_is_lit(of->options, of->pairs);
+    }
     return HADA_OK;
 }
 

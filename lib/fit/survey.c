@@ -2,7 +2,7 @@
 #include <hadalens/survey.h>
 
 #include "core/callers.h"
-#include "fit/fitter.h"
+#include "fit/look.h"
 #include "fit/sample.h"
 #include "image/statistics.h"
 
@@ -133,6 +133,7 @@ static hada_status expose_all(owned_survey *own, hada_sample *work, hada_error *
     hada_pair_level_destroy(&work->level);
     HADA_TRY(
         hada_pair_level_create(&work->level, work->reducer.grid, work->options.channels, EXPOSED_TOGETHER + 1, err));
+    work->level.sharp = hada_look_is_lit(&work->options, work->pairs);
     HADA_TRY(make_gains(own, work->counts, err));
     for (int z = 0; z < own->depths; z++)
         HADA_TRY(expose_depth(work, z, own->gain[z], err));

@@ -177,7 +177,7 @@ done:
 }
 
 /* Takes off what light all frames have still, once a response, exposures and colours are known. */
-static hada_status correct_light(hada_mended *mended, hada_context *context, const hada_survey *survey, double response,
+static hada_status correct_light(hada_mended *mended, hada_context *context, const hada_survey *survey,
                                  const hada_dataset *data, const hada_fit_options *callers, hada_error *err)
 {
     hada_fit_options fit = *callers;
@@ -185,7 +185,7 @@ static hada_status correct_light(hada_mended *mended, hada_context *context, con
     const hada_dataset *seen;
     hada_image left = {0};
     hada_status status = HADA_OK;
-    fit.scene_response = response;
+    fit.scene_response = survey->response;
     HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, data, err));
     HADA_TRY_OR_DONE(purify(&fit, even, &pure, &seen, err));
     HADA_TRY_OR_DONE(hada_fit_find_common_light(&fit, context, seen, &left, err));
@@ -200,58 +200,6 @@ done:
     return status;
 }
 
-/* The response to correct the light for. Scenes are nearly always linear or sRGB; where light is not right yet, a
- * survey may find one near to sRGB instead. */
-static double likely_response(const hada_fit_options *fit, const hada_survey *survey)
-{
-    return fit->scene_response == HADA_AUTO && survey->response != HADA_RESPONSE_LINEAR ? HADA_RESPONSE_SRGB
-                                                                                        : survey->response;
-}
-
-/* A survey anew of frames whose light was corrected, with a response, or HADA_AUTO; then the light once more. */
-static hada_status survey_again(hada_survey **out, hada_mended *mended, hada_context *context, double response,
-                                const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
-                                hada_error *err)
-{
-    hada_fit_options own = *fit;
-    own.scene_response = response;
-    HADA_TRY(survey_colours(out, context, data, &own, exposure, err));
-    return correct_light(mended, context, *out, (*out)->response, data, fit, err);
-}
-
-/* Corrects the light that all frames have, and by that the survey. Another response that is likely is taken if a survey
- * finds it once the light is corrected for it. Exposures and light are corrected in turns. */
-static hada_status correct_survey(hada_survey **out, hada_mended *mended, hada_context *context,
-                                  const hada_dataset *data, const hada_fit_options *fit, hada_exposure exposure,
-                                  hada_error *err)
-{
-    enum { TURNS = 2 };
-    const double likely = likely_response(fit, *out);
-    hada_survey *before = NULL;
-    hada_image light = {0};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(correct_light(mended, context, *out, (*out)->response, data, fit, err));
-    if (likely != (*out)->response) {
-        HADA_TRY_OR_DONE(hada_image_copy(&light, &mended->dark, err));
-        HADA_TRY_OR_DONE(correct_light(mended, context, *out, likely, data, fit, err));
-        before = *out;
-        *out = NULL;
-        HADA_TRY_OR_DONE(survey_again(out, mended, context, HADA_AUTO, data, fit, exposure, err));
-        if ((*out)->response != likely) {
-            hada_survey *const other = *out;
-            *out = before;
-            before = other;
-            memcpy(mended->dark.data, light.data, hada_image_count(&light) * sizeof *light.data);
-        }
-    }
-    for (int turn = 0; turn < TURNS && (*out)->exposed; turn++)
-        HADA_TRY_OR_DONE(survey_again(out, mended, context, (*out)->response, data, fit, exposure, err));
-done:
-    hada_survey_destroy(&before);
-    hada_image_destroy(&light);
-    return status;
-}
-
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended *mended, hada_context *context,
                             const hada_dataset *data, hada_fit_options *fit, hada_exposure exposure,
                             const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err)
@@ -259,14 +207,13 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
     const int given = hada_colours_known(fit->colour_matrix);
     const int common = data->darkened == &mended->dark;
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
-    if ((mended->unlit || common) && !given && hada_colours_known(fit->colour_matrix)) {
-        HADA_TRY(common ? correct_light(mended, context, *out, likely_response(fit, *out), data, fit, err)
-                        : find_own_again(mended, fit, err));
+    if (mended->unlit && !given && hada_colours_known(fit->colour_matrix)) {
+        HADA_TRY(find_own_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
     if (common)
-        HADA_TRY(correct_survey(out, mended, context, data, fit, exposure, err));
+        HADA_TRY(correct_light(mended, context, *out, data, fit, err));
     if (common) /* as devices round differently */
         HADA_TRY(hada_broadcast(ranks, 0, mended->dark.data, hada_image_count(&mended->dark) * sizeof(float), err));
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
@@ -436,7 +383,6 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
 hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int given,
                                      hada_error *err)
 {
-    const int surface = hada_dataset_get_info(pairs)->dark_frame != NULL;
     const double *const distances_mm = fit->distances_mm;
     hada_dataset *pure;
     hada_status status = HADA_OK;
@@ -447,7 +393,7 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
                           fit->boundary == HADA_BOUNDARY_CIRCULAR ? "no light leaves the sensor: boundary circular"
                                                                   : "light leaves the sensor: boundary padded");
     }
-    if (fit->find_dark && (surface || fit->boundary == HADA_BOUNDARY_PADDED))
+    if (fit->find_dark && fit->dark > 0.0 && fit->boundary == HADA_BOUNDARY_PADDED)
         HADA_TRY_OR_DONE(hada_fit_refine_dark(fit, context, pairs, err));
 done:
     fit->distances_mm = distances_mm; /* not those of `pure` */

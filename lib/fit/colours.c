@@ -44,8 +44,8 @@ static int is_known(const hada_image *weights, size_t at)
 }
 
 /* Means of blocks of one channel of a pair's frame, less the smooth surface that is nearest to them; 0 where less than
- * half of a block is known. plus: NULL, or added to the channel. */
-static void reduce(const colour_trial *of, int pair, const float *channel, const float *plus, float *to)
+ * half of a block is known. */
+static void reduce(const colour_trial *of, int pair, const float *channel, float *to)
 {
     const hada_fit_options *options = of->options;
     hada_image blocks = {1, options->raw_rows / BLOCK, options->raw_cols / BLOCK, to};
@@ -60,7 +60,7 @@ static void reduce(const colour_trial *of, int pair, const float *channel, const
                     (size_t)(r * BLOCK + i / BLOCK) * (size_t)options->raw_cols + (size_t)(c * BLOCK + i % BLOCK);
                 if (!is_known(&of->weights[pair], at))
                     continue;
-                sum += (double)channel[at] + (plus ? (double)plus[at] : 0.0);
+                sum += (double)channel[at];
                 count++;
             }
             of->known[r * wide + c] = 2 * count >= BLOCK * BLOCK ? 1.0f : 0.0f;
@@ -102,7 +102,7 @@ static hada_status begin(colour_trial *of, const hada_dataset *pairs, int depth,
         of->weights[i] = pair->weights ? *pair->weights : (hada_image){0};
         *fits = hada_reducer_fits(&rule, raw, &of->scene[i]);
         for (size_t k = 0; k < HADA_COLOURS && *fits; k++)
-            reduce(of, i, raw->data + k * hada_image_count(raw) / HADA_COLOURS, NULL,
+            reduce(of, i, raw->data + k * hada_image_count(raw) / HADA_COLOURS,
                    of->seen[k] + (size_t)i * (size_t)of->blocks);
     }
     return HADA_OK;
@@ -123,26 +123,25 @@ static void end(colour_trial *of)
 static hada_status make(colour_trial *of, hada_error *err)
 {
     const size_t area = (size_t)of->options->raw_rows * (size_t)of->options->raw_cols;
-    double left[PAIRS];
-    float *rest = NULL;
+    double dark[PAIRS];
+    float *made = NULL;
+    hada_image frame[PAIRS];
     hada_dataset *few = NULL, *pure = NULL;
-    int rows, cols;
     hada_status status = HADA_OK;
-    hada_look_whole(of->options, &rows, &cols);
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(rest, PAIRS * area, "frames", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(made, PAIRS * area, "frames", err));
     HADA_TRY_OR_DONE(hada_dataset_from_weighted(&few, 1, of->options->distances_mm, &of->at.group, of->frame, of->scene,
                                                 of->weights, err));
     HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, few, of->m, err));
     for (int k = 0; k < HADA_COLOURS; k++) {
         of->at.channel = k + 1;
         HADA_TRY_OR_DONE(hada_look_take(&of->at, pure, err));
-        HADA_TRY_OR_DONE(hada_look_explain(&of->at, rows, cols, of->at.learned, left, NULL, rest, err));
+        HADA_TRY_OR_DONE(hada_look_predict(&of->at, made, frame, dark, err));
         for (int i = 0; i < of->at.group; i++)
-            reduce(of, i, of->at.raw[i].data, rest + (size_t)i * area, of->made[k] + (size_t)i * (size_t)of->blocks);
+            reduce(of, i, made + (size_t)i * area, of->made[k] + (size_t)i * (size_t)of->blocks);
         hada_look_return(&of->at);
     }
 done:
-    free(rest);
+    free(made);
     hada_look_return(&of->at);
     hada_dataset_destroy(&pure);
     hada_dataset_destroy(&few);
@@ -223,6 +222,7 @@ hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *con
     one.distances_mm = fit->distances_mm + depth;
     of.at = (hada_look){.context = context, .options = &one};
     of.at.group = hada_least(hada_dataset_get_info(pairs)->counts[depth], PAIRS);
+    hada_look_ignore_light(&of.at, pairs, depth);
     HADA_TRY_OR_DONE(begin(&of, pairs, depth, &fits, err));
     if (!fits)
         goto done;

@@ -13,10 +13,12 @@
 #define SURE           0.7
 #define NEARLY_SURE    0.97
 #define SURE_WITH_DARK 0.5
-/* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.02 to 0.04, on real
- * pairs that have none and a model that explains them poorly 0.5. The same of light of each frame's own, where smooth
- * surfaces and noise do not count: at most 0.07, and 0.5 and more (perf/results/learning.md). */
-#define LIGHT 0.25
+/* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.13, or 0.3
+ * where colours are mixed and exposures differ as well, on real pairs 0.23 and, where there is none, 0.69. The same of
+ * light of each frame's own, where smooth surfaces and noise do not count: at most 0.07, or 0.19, and 0.5 and more
+ * (perf/results/learning.md). */
+#define LIGHT     0.4
+#define OWN_LIGHT 0.25
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
  * 1.4 to 1700 where they were linear. */
 #define ENCODED 0.9
@@ -90,7 +92,7 @@ static hada_status expose_depth(const hada_survey *survey, const hada_fit_option
     for (int g = 0; count >= HADA_LOOK_LEAST && g < groups; g++)
         for (int round = 0; round < ROUNDS; round++) {
             hada_look at = {.context = context, .options = &options, .depth = depth, .first = count * g / groups};
-            hada_look_ignore_light(&at, pairs);
+            hada_look_ignore_light(&at, pairs, depth);
             at.group = count * (g + 1) / groups - at.first;
             HADA_TRY(expose_group(&at, survey, pairs, err));
         }
@@ -164,9 +166,14 @@ static hada_status begin(confirming *of, hada_context *context, const hada_fit_o
     if (of->at.depth == fit->depths)
         return HADA_OK;
     of->at.smooth = smooth;
-    hada_look_ignore_light(&of->at, pairs);
+    hada_look_ignore_light(&of->at, pairs, of->at.depth);
     for (; survey->rows[of->rows]; of->rows++) /* none where pairs do not fit */
         of->chosen = survey->rows[of->rows]->chosen ? of->rows : of->chosen;
+    for (int r = hada_most(of->chosen - 1, 0); r < hada_least(of->chosen + 2, of->rows); r++)
+        if (survey->rows[r]->response == HADA_RESPONSE_SRGB) { /* small copies do not tell its neighbours from it */
+            of->chosen = r;
+            break;
+        }
     return HADA_NEW(of->left, (size_t)of->rows, "responses", err);
 }
 
@@ -324,7 +331,7 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
     if (*before == 0.0)
         HADA_TRY(left_of(fit, context, lit, own, before, err));
     HADA_TRY(left_of(&without, context, dark, own, &after, err));
-    *better = after < LIGHT * *before;
+    *better = after < (own ? OWN_LIGHT : LIGHT) * *before;
     return HADA_OK;
 }
 

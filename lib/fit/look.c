@@ -127,10 +127,10 @@ int hada_look_is_lit(const hada_fit_options *options, const hada_dataset *pairs)
     return options->find_dark && hada_dataset_get_info(pairs)->dark_frame;
 }
 
-void hada_look_ignore_light(hada_look *at, const hada_dataset *pairs)
+void hada_look_ignore_light(hada_look *at, const hada_dataset *pairs, int depth)
 {
     const int lit = hada_look_is_lit(at->options, pairs),
-              many = hada_dataset_get_info(pairs)->counts[at->depth] >= CENTRED_PAIRS;
+              many = hada_dataset_get_info(pairs)->counts[depth] >= CENTRED_PAIRS;
     at->centred = lit && many;
     at->smooth = at->smooth || (lit && !many);
 }

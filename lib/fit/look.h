@@ -46,10 +46,10 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
 /* What the scenes that were learned from make of their frames, [pair][row][col]; frame[pair], not owned, and
  * dark[pair]: the channel of each as it was taken, and its dark level. */
 hada_status hada_look_predict(const hada_look *at, float *made, hada_image *frame, double *dark, hada_error *err);
-/* Whether light that all frames hold was found and taken off, though not exactly; and a look to which what is left of
- * it makes no difference: centred, or, at depths with few pairs, smooth. */
+/* Whether light that all frames hold was found and taken off, though not exactly. A look becomes one to which what is
+ * left of it makes no difference: centred, or, where the pairs have few of that depth, smooth. */
 int hada_look_is_lit(const hada_fit_options *options, const hada_dataset *pairs);
-void hada_look_ignore_light(hada_look *at, const hada_dataset *pairs);
+void hada_look_ignore_light(hada_look *at, const hada_dataset *pairs, int depth);
 
 /* A side of the grid with overhang number k; and both sides of the grid that holds all light, with options->boundary.
  */

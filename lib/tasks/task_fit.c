@@ -10,7 +10,7 @@
 #include "core/numbers.h"
 #include "dataset/dataset.h"
 #include "fit/fit_sums.h"
-#include "fit/fitter.h"
+#include "fit/look.h"
 #include "image/pixels.h"
 #include "io/folder.h"
 #include "model/model.h"
@@ -354,7 +354,7 @@ static hada_status survey(learning *of, hada_context *context, hada_error *err)
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
     const int open = fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO ||
-                     (fit->find_colours && !hada_colours_known(fit->colour_matrix));
+                     (fit->find_colours && !hada_colours_known(fit->colour_matrix)) || hada_look_is_lit(fit, of->data);
     if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
         return HADA_OK;
     HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, &of->mended, context, of->data, fit, task->exposure,

@@ -83,6 +83,8 @@ static hada_model *learn(pairs *set, const hada_fit_options *fit)
     hada_model *model;
     task.fit = fit;
     task.boundary = HADA_BOUNDARY_PADDED;
+    if (hada_colours_known(fit->colour_matrix) && fit->scene_response != HADA_AUTO)
+        task.exposure = HADA_EXPOSURE_SAME; /* nothing is to be found */
     ASSERT_OK(hada_fit_run(&model, NULL, context, data, &task, err));
     return model;
 }
@@ -322,14 +324,14 @@ TEST(sums_remember_the_colours)
 }
 
 /* Smooth light that is in all frames is found to a tenth of a percent: where colours are not mixed, where they are,
- * where the caller gives the matrix, and where frames were exposed differently. */
+ * where the caller gives matrix and response, and where frames were exposed differently. */
 TEST(light_is_found_beside_other_faults)
 {
     static const float exposure[PAIRS] = {0.8f, 1.0f, 1.4f, 1.1f};
     static const double light[CHANNELS * HADA_SMOOTH_TERMS] = {5, 3, 0, 0, 0, 0, 4, 0, 2, 0, 0, 0, 3, 0, -2, 0, 1, 0};
     static const double little[] = {0.9, 0.1, 0, 0.05, 0.9, 0.05, 0, 0.1, 0.9};
     double off[4];
-    for (int k = 0; k < 4; k++) { /* not mixed; mixed; given; exposures */
+    for (int k = 0; k < 4; k++) { /* not mixed; mixed; all given; exposures */
         DEFAULTS(hada_fit_options, fit);
         SCOPED(hada_image) added = {0};
         pairs set;
@@ -341,6 +343,7 @@ TEST(light_is_found_beside_other_faults)
         }
         if (k == 2)
             memcpy(fit.colour_matrix, little, sizeof little);
+        fit.scene_response = k == 2 ? HADA_RESPONSE_LINEAR : HADA_AUTO;
         SCOPED(hada_model) *model = learn(&set, &fit);
         const hada_image *found = hada_model_get_info(model)->dark_frame;
         assert_non_null(found);

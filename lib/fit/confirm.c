@@ -13,12 +13,12 @@
 #define SURE           0.7
 #define NEARLY_SURE    0.97
 #define SURE_WITH_DARK 0.5
-/* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.13, or 0.3
- * where colours are mixed and exposures differ as well, on real pairs 0.23 and, where there is none, 0.69. The same of
- * light of each frame's own, where smooth surfaces and noise do not count: at most 0.07, or 0.19, and 0.5 and more
- * (perf/results/learning.md). */
-#define LIGHT     0.4
-#define OWN_LIGHT 0.25
+/* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.4, most where
+ * colours are mixed and exposures differ as well, on real pairs 0.23; where there was none 0.69 and more. The same of
+ * light of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.19; where all frames had the same,
+ * 0.24 and more (perf/results/learning.md). */
+#define LIGHT     0.5
+#define OWN_LIGHT 0.22
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
  * 1.4 to 1700 where they were linear. */
 #define ENCODED 0.9

@@ -15,10 +15,12 @@
 #define SURE_WITH_DARK 0.5
 /* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.4, most where
  * colours are mixed and exposures differ as well, on real pairs 0.23; where there was none 0.69 and more. The same of
- * light of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.19; where all frames had the same,
- * 0.24 and more (perf/results/learning.md). */
-#define LIGHT     0.5
-#define OWN_LIGHT 0.22
+ * light of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.24; beside light that was found in
+ * all frames, which is a special case of it, 0.19 on real pairs, and 0.24 and more where it was that
+ * (perf/results/learning.md). */
+#define LIGHT          0.5
+#define OWN_LIGHT      0.25
+#define OWN_BESIDE_ALL 0.2
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
  * 1.4 to 1700 where they were linear. */
 #define ENCODED 0.9
@@ -331,7 +333,7 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
     if (*before == 0.0)
         HADA_TRY(left_of(fit, context, lit, own, before, err));
     HADA_TRY(left_of(&without, context, dark, own, &after, err));
-    *better = after < (own ? OWN_LIGHT : LIGHT) * *before;
+    *better = after < *before * (!own ? LIGHT : hada_look_is_lit(fit, lit) ? OWN_BESIDE_ALL : OWN_LIGHT);
     return HADA_OK;
 }
 

@@ -172,10 +172,8 @@ static hada_status begin(confirming *of, hada_context *context, const hada_fit_o
     for (; survey->rows[of->rows]; of->rows++) /* none where pairs do not fit */
         of->chosen = survey->rows[of->rows]->chosen ? of->rows : of->chosen;
     for (int r = hada_most(of->chosen - 1, 0); r < hada_least(of->chosen + 2, of->rows); r++)
-        if (survey->rows[r]->response == HADA_RESPONSE_SRGB) { /* small copies do not tell its neighbours from it */
+        if (survey->rows[r]->response == HADA_RESPONSE_SRGB) /* small copies do not tell its neighbours from it */
             of->chosen = r;
-            break;
-        }
     return HADA_NEW(of->left, (size_t)of->rows, "responses", err);
 }
 

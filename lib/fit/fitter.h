@@ -130,8 +130,7 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
 /* Makes a row the chosen one, with the exposures of another survey of the same pairs, which gets those that were there;
  * NULL: they are alike. */
 void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_survey *exposures);
-/* Makes what hada_fit_find_dark() found more precise, by options->dark (beside a surface, which `pairs` have as dark
- * frame, a small one): light that the sensor loses is in the model. */
+/* Makes the dark level that hada_fit_find_dark() found more precise: light that the sensor loses is in the model. */
 hada_status hada_fit_refine_dark(hada_fit_options *options, hada_context *context, const hada_dataset *pairs,
                                  hada_error *err);
 

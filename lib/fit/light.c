@@ -188,7 +188,9 @@ static void solve_apart(equations *of, int response, double *weight)
         level->sharp = !turn;
         if (turn)
             take_off(of, weight);
-        hada_pair_level_even(level, now, unexplained, room);
+        for (int k = 0; k < of->work->count; k++)
+            now[k] = 1.0;
+        hada_pair_level_even(level, HADA_PAIR_LEVEL_ROUNDS, now, unexplained, room);
         level->sharp = 0;
         for (int k = 0; k < of->work->count; k++)
             gain[k] *= now[k];

@@ -2,6 +2,7 @@
 
 #include <hadalens/pixels.h>
 #include <hadalens/response.h>
+#include <hadalens/scene.h>
 
 #include "image/correct.h"
 #include "image/statistics.h"
@@ -29,14 +30,14 @@ static int channel_number(const hada_look *at)
     return at->channel ? at->channel - 1 : at->options->channels / 2;
 }
 
-/* A copy of an image of pairs as it counts, and its share of the mean, which is created. */
-static hada_status copy_linear(const hada_image *from, double response, double share, hada_image *copy,
-                               hada_image *mean, hada_error *err)
+/* A copy of the centre of a pair's image, linear, and its share of the mean, which is created. */
+static hada_status copy_linear(const hada_image *from, int rows, int cols, double response, double share,
+                               hada_image *copy, hada_image *mean, hada_error *err)
 {
-    HADA_TRY(hada_image_copy(copy, from, err));
+    HADA_TRY(hada_image_crop(copy, from, (from->rows - rows) / 2, (from->cols - cols) / 2, rows, cols, err));
     hada_response_convert(copy->data, hada_image_count(copy), response, HADA_RESPONSE_LINEAR);
     if (!mean->data)
-        HADA_TRY(hada_image_create(mean, from->channels, from->rows, from->cols, err));
+        HADA_TRY(hada_image_create(mean, 1, rows, cols, err));
     for (size_t k = 0; k < hada_image_count(copy); k++)
         mean->data[k] += (float)(share * copy->data[k]);
     return HADA_OK;
@@ -48,23 +49,25 @@ static hada_status know(hada_look *at, int i, hada_error *err)
     const hada_image *weights = &at->weights[i];
     if (!weights->data)
         return HADA_OK;
-    const int first = !at->known.data;
-    if (first)
-        HADA_TRY(hada_image_create(&at->known, 1, weights->rows, weights->cols, err));
+    if (!at->known.data)
+        HADA_TRY(hada_image_copy(&at->known, weights, err));
     for (size_t k = 0; k < hada_image_count(weights); k++)
-        at->known.data[k] = weights->data[k] == 1.0f && (first || at->known.data[k] != 0.0f) ? 1.0f : 0.0f;
+        at->known.data[k] = weights->data[k] == 1.0f && at->known.data[k] == 1.0f ? 1.0f : 0.0f;
     return HADA_OK;
 }
 
 static hada_status centre(hada_look *at, int learned, hada_error *err)
 {
-    const double *distance = &at->options->distances_mm[at->depth];
+    const hada_fit_options *of = at->options;
+    const double *distance = &of->distances_mm[at->depth];
     const int one = 1;
     hada_image *raw = &at->own_raw[HADA_LOOK_MOST], *scene = &at->own_scene[HADA_LOOK_MOST];
     for (int i = 0; i < at->count; i++) {
         const double share = i < learned ? 1.0 / learned : 0.0;
-        HADA_TRY(copy_linear(&at->raw[i], HADA_RESPONSE_LINEAR, share, &at->own_raw[i], raw, err));
-        HADA_TRY(copy_linear(&at->scene[i], at->options->scene_response, share, &at->own_scene[i], scene, err));
+        HADA_TRY(copy_linear(&at->raw[i], of->raw_rows, of->raw_cols, HADA_RESPONSE_LINEAR, share, &at->own_raw[i], raw,
+                             err));
+        HADA_TRY(copy_linear(&at->scene[i], of->window_rows, of->window_cols, of->scene_response, share,
+                             &at->own_scene[i], scene, err));
         HADA_TRY(know(at, i, err));
     }
     for (int i = 0; i < at->count; i++) {
@@ -79,20 +82,33 @@ static hada_status centre(hada_look *at, int learned, hada_error *err)
     return hada_dataset_from_weighted(&at->mean, 1, distance, &one, raw, scene, &at->known, err);
 }
 
+static hada_status check(const hada_look *at, const hada_pair *pair, int channel, hada_error *err)
+{
+    const hada_fit_options *of = at->options;
+    if (pair->raw->channels <= channel || pair->scene->channels <= channel)
+        return hada_fail(err, HADA_ERROR_SIZE, "raw frames and scenes of a data set must have the same channels");
+    if (pair->raw->rows != of->raw_rows || pair->raw->cols != of->raw_cols)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "the raw frame has %d x %d pixels, the first one of the data set %d x %d: they must have one "
+                         "size",
+                         pair->raw->rows, pair->raw->cols, of->raw_rows, of->raw_cols);
+    return HADA_OK;
+}
+
 hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error *err)
 {
     const double *distance = &at->options->distances_mm[at->depth];
     const int all = hada_dataset_get_info(pairs)->counts[at->depth], channel = channel_number(at);
     at->held = at->group ? 0 : all >= (at->centred ? MANY_CENTRED : MANY_PAIRS) ? HADA_LOOK_HELD : 1;
     const int count = at->group ? at->group : hada_least(all, HADA_LOOK_LEARNED + at->held), learned = count - at->held;
+    hada_status status;
     for (; at->count < count; at->count++) {
         const int number = at->group ? at->first + at->count : (int)(((long)at->count * all / count + at->first) % all);
         hada_pair *pair = &at->pair[at->count];
         HADA_TRY(hada_pair_take(pair, pairs, at->depth, number, err));
-        if (pair->raw->channels <= channel || pair->scene->channels <= channel) {
+        status = check(at, pair, channel, err);
+        if (status) {
             hada_pair_return(pair);
-            const hada_status status =
-                hada_fail(err, HADA_ERROR_SIZE, "raw frames and scenes of a data set must have the same channels");
             hada_pair_name(pairs, at->depth, number, err);
             return status;
         }

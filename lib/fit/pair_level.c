@@ -85,9 +85,8 @@ int hada_reducer_fits(const hada_reducer *reducer, const hada_image *raw, const 
 /* What is under a transfer function beside the scenes' power, as a share of its mean: frequencies where others of a
  * depth had no light explain nothing. */
 #define FLOOR 1e-3
-/* Exposures from each other, after those from the light alone: on simulated and real pairs the third changed them by
- * less than a percent. */
-enum { ROUNDS = 3, LOW = 2 };
+/* Frequencies up to this one are low. */
+enum { LOW = 2 };
 /* An exposure this far from the others of its depth is none: a frame or a scene was dark. */
 #define MOST_GAIN 1e3
 
@@ -362,12 +361,14 @@ static void normalise(const hada_pair_level *level, double *gain)
     }
 }
 
-void hada_pair_level_expose_again(hada_pair_level *level, double *gain, double *unexplained, double *room)
+void hada_pair_level_even(hada_pair_level *level, int rounds, double *gain, double *unexplained, double *room)
 {
-    hada_pair_level_judge(level, gain, 0, unexplained, room);
-    for (int k = 0; k < level->count; k++)
-        gain[k] = gain[k] > 0.0 ? within(room[k]) : 0.0;
-    normalise(level, gain);
+    for (int round = 0; round < rounds; round++) {
+        hada_pair_level_judge(level, gain, 0, unexplained, room);
+        for (int k = 0; k < level->count; k++)
+            gain[k] = gain[k] > 0.0 ? within(room[k]) : 0.0;
+        normalise(level, gain);
+    }
 }
 
 void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexplained, double *room)
@@ -376,17 +377,8 @@ void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexpl
         gain[k] =
             within(level->scene_light[k] > 0.0 && !level->sharp ? level->frame_light[k] / level->scene_light[k] : 1.0);
     normalise(level, gain);
-    for (int round = 0; round < ROUNDS; round++)
-        hada_pair_level_expose_again(level, gain, unexplained, room);
+    hada_pair_level_even(level, HADA_PAIR_LEVEL_ROUNDS, gain, unexplained, room);
     hada_pair_level_judge(level, gain, 0, unexplained, NULL);
-}
-
-void hada_pair_level_even(hada_pair_level *level, double *gain, double *unexplained, double *room)
-{
-    for (int k = 0; k < level->count; k++)
-        gain[k] = 1.0;
-    for (int round = 0; round < ROUNDS; round++)
-        hada_pair_level_expose_again(level, gain, unexplained, room);
 }
 
 void hada_pair_level_brighten(hada_pair_level *level, const double *gain)

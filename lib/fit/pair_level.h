@@ -7,6 +7,10 @@
 
 #include "image/small_fft.h"
 
+/* Rounds in which exposures are found from each other: on simulated and real pairs the third changed them by less than
+ * a percent. */
+enum { HADA_PAIR_LEVEL_ROUNDS = 3 };
+
 /* How frames and scenes become small. */
 typedef struct hada_reducer {
     const hada_fit_options *options;
@@ -61,14 +65,12 @@ void hada_pair_level_residual(hada_pair_level *level, int pair, int channel, flo
  * it with the opposite sign. */
 void hada_pair_level_shares(hada_pair_level *level, int pair, int channel, float *shares);
 double hada_pair_level_product(const hada_pair_level *level, const float *a, const float *b);
-/* Exposures of the pairs whose `gain` is not 0, from each other, once; their geometric mean within a depth becomes 1.
- * unexplained, room: a number per pair. */
-void hada_pair_level_expose_again(hada_pair_level *level, double *gain, double *unexplained, double *room);
 /* Exposures of all pairs, from their light, then from each other, and what is unexplained with them. Their geometric
  * mean within a depth is 1. `room`: a number per pair. */
 void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexplained, double *room);
-/* Exposures of all pairs from each other alone; and scenes as bright as these say. */
-void hada_pair_level_even(hada_pair_level *level, double *gain, double *unexplained, double *room);
+/* Exposures of the pairs whose `gain` is not 0 from each other alone, beginning with these, in so many rounds; and
+ * scenes as bright as these say. */
+void hada_pair_level_even(hada_pair_level *level, int rounds, double *gain, double *unexplained, double *room);
 void hada_pair_level_brighten(hada_pair_level *level, const double *gain);
 
 #endif

@@ -1,4 +1,5 @@
-/* Point spread functions of depths between and beyond those that were measured. Internal. */
+/* Point spread functions of several depths: those between and beyond what was measured, and how far these wander from
+ * depth to depth. Internal. */
 #ifndef HADA_FIT_PSF_DEPTHS_H
 #define HADA_FIT_PSF_DEPTHS_H
 
@@ -19,5 +20,14 @@ typedef struct hada_psfs {
  * HADA_ERROR_NUMERIC where they do not follow the law. */
 hada_status hada_psf_depths(hada_image *out, const double *distances_mm, int count, const hada_psfs *psfs,
                             double *mask_mm, double *left, hada_context *context, hada_error *err);
+
+/* out[k]: how many rows and columns depth k is off the place that the law of magnification gives it. The axis may be
+ * anywhere, so this is the drift of the bead or the stage. Four depths or more. */
+hada_status hada_psf_drift(double (*out)[2], const hada_psfs *psfs, hada_error *err);
+
+/* How much two point spread functions of one size are alike, 0 to 1, where one of them is moved so that they are most
+ * alike; *moved: by so many pixels. */
+hada_status hada_psf_alike(double *alike, double *moved, const hada_image *one, const hada_image *other,
+                           hada_error *err);
 
 #endif

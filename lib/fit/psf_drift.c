@@ -1,6 +1,6 @@
 /* The wander of a stack of point spread functions, and how alike two are. Each is magnified to the next depth and
  * compared by cross-correlation; of the sum of all shifts, what an axis beside the middle explains is taken off. */
-#include "fit/psf_drift.h"
+#include "fit/psf_depths.h"
 
 #include "image/pixels.h"
 #include "image/small_fft.h"

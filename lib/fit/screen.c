@@ -134,8 +134,7 @@ static void expose(hada_pair_level *level, const unsigned char *out, int apart, 
     double unexplained[MOST_PAIRS], room[MOST_PAIRS];
     for (int k = 0; k < level->count; k++)
         gain[k] = out[k] ? 0.0 : 1.0;
-    for (int round = 0; apart && round < ROUNDS; round++)
-        hada_pair_level_expose_again(level, gain, unexplained, room);
+    hada_pair_level_even(level, apart ? ROUNDS : 0, gain, unexplained, room);
 }
 
 static double median(const hada_pair_level *level, const shares *of, const unsigned char *out)

@@ -212,10 +212,10 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
-    if (common)
+    if (common) { /* the first rank's, as devices round differently */
         HADA_TRY(correct_light(mended, context, *out, data, fit, err));
-    if (common) /* as devices round differently */
         HADA_TRY(hada_broadcast(ranks, 0, mended->dark.data, hada_image_count(&mended->dark) * sizeof(float), err));
+    }
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,

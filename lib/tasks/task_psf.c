@@ -6,7 +6,6 @@
 #include "core/input.h"
 #include "filter/psf.h"
 #include "fit/psf_depths.h"
-#include "fit/psf_drift.h"
 #include "image/correct.h"
 #include "image/pixels.h"
 #include "image/statistics.h"

@@ -339,14 +339,16 @@ TEST(light_is_found_beside_other_faults)
                 set.frame[i].data[at] *= exposure[i];
             hada_smooth_add(light, 0.1, &set.frame[i]);
         }
+        hada_image window = set.scene[1]; /* and one scene as large as its frame */
+        ASSERT_OK(hada_image_crop(&set.scene[1], &window, (WINDOW - ROWS) / 2, (WINDOW - COLS) / 2, ROWS, COLS, err));
+        hada_image_destroy(&window);
         memcpy(fit.colour_matrix, little, k == 2 ? sizeof little : 0);
         fit.scene_response = k == 2 ? HADA_RESPONSE_LINEAR : HADA_AUTO;
         SCOPED(hada_model) *model = learn(&set, &fit);
         const hada_image *found = hada_model_get_info(model)->dark_frame;
-        assert_non_null(found);
         ASSERT_OK(hada_image_create(&added, CHANNELS, ROWS, COLS, err));
         hada_smooth_add(light, 0.1, &added);
-        assert_true(relative_change(found->data, added.data, hada_image_count(&added)) < 0.0015);
+        assert_true(found && relative_change(found->data, added.data, hada_image_count(&added)) < 0.0015);
         free_pairs(&set);
     }
 }

@@ -3,7 +3,6 @@
 
 #include "filter/psf.h"
 #include "fit/psf_depths.h"
-#include "fit/psf_drift.h"
 #include "image/pixels.h"
 #include "model/model.h"
 #include "ref/ref_fft.h"

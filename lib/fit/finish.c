@@ -73,14 +73,14 @@ done:
 hada_status hada_fit_learn_cropped(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
 {
     const hada_fit_options *options = &fitter->options;
-    const int times = options->mosaic == HADA_MOSAIC_NONE ? 1 : HADA_FIT_CROP_MOSAIC;
+    const int circular = options->boundary == HADA_BOUNDARY_CIRCULAR;
+    const int lacks = options->mosaic != HADA_MOSAIC_NONE || (circular && fitter->weighted); /* much inside the frame */
+    const int times = lacks ? HADA_FIT_CROP_MOSAIC : 1;
     const int passes = options->crop_passes < 0 ? times * HADA_FIT_CROP_PASSES : options->crop_passes;
     hada_fit_reader from;
     hada_status status = HADA_OK;
     hada_fit_transfers_free(&fitter->transfers);
-    const int partly =
-        options->boundary == HADA_BOUNDARY_PADDED || options->mosaic != HADA_MOSAIC_NONE || fitter->weighted;
-    if (!partly || !options->nonnegative || !passes) /* frames show all light of the scenes */
+    if ((circular && !lacks) || !options->nonnegative || !passes) /* frames show all light of the scenes */
         return HADA_OK;
     HADA_TRY(hada_fit_reader_create(&from, pairs, &fitter->pair, options->monitor,
                                     "looks at pairs, for the light beyond the sensor", err));

@@ -13,12 +13,12 @@
 #define SURE           0.7
 #define NEARLY_SURE    0.97
 #define SURE_WITH_DARK 0.5
-/* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.4, most where
- * colours are mixed and exposures differ as well, on real pairs 0.23; where there was none 0.69 and more. The same of
- * light of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.24; beside light that was found in
- * all frames, which is a special case of it, 0.19 on real pairs, and 0.24 and more where it was that
+/* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.31, in one
+ * case with mixed colours and exposures 0.4, on real pairs 0.23; where there was none 0.34 and more. The same of light
+ * of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.24; beside light that was found in all
+ * frames, which is a special case of it, 0.19 on real pairs, and 0.24 and more where it was that
  * (perf/results/learning.md). */
-#define LIGHT          0.5
+#define LIGHT          0.32
 #define OWN_LIGHT      0.25
 #define OWN_BESIDE_ALL 0.2
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,

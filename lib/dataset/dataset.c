@@ -430,7 +430,8 @@ void hada_pair_expect(const hada_dataset *dataset, int depth, int number)
     hada_pair_store_expect(dataset->store, hada_pair_number(dataset, depth, number));
 }
 
-void hada_scene_brighten(hada_image *scene, double gain, double response)
+/* Makes a scene so many times as bright in linear light, in its own encoding. */
+static void brighten(hada_image *scene, double gain, double response)
 {
     const size_t count = scene->data ? hada_image_count(scene) : 0;
     hada_response_convert(scene->data, count, response, HADA_RESPONSE_LINEAR);
@@ -557,7 +558,7 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
     if (gain != 1.0) {
         if (!pair->own.scene.data)
             HADA_TRY_OR_DONE(hada_image_copy(&pair->own.scene, pair->scene, err));
-        hada_scene_brighten(&pair->own.scene, gain, dataset->response);
+        brighten(&pair->own.scene, gain, dataset->response);
         pair->scene = &pair->own.scene;
     }
 done:

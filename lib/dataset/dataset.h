@@ -159,9 +159,6 @@ hada_status hada_dataset_unlit(hada_dataset **out, const hada_dataset *from, con
 /* The same pairs; their raw frames have this encoding (hadalens/response.h) and are given out in linear light. */
 hada_status hada_dataset_decode(hada_dataset **out, const hada_dataset *from, double encoding, hada_error *err);
 
-/* Makes a scene so many times as bright in linear light, in its own encoding. */
-void hada_scene_brighten(hada_image *scene, double gain, double response);
-
 /* The raw frame of a pair as it is read, in linear light: before it is filled in, divided and binned. *image is created
  * by the call. */
 hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err);

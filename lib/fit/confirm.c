@@ -197,7 +197,7 @@ static hada_status left_with(confirming *of, int row, hada_error *err)
     of->options.scene_response = of->survey->rows[row]->response;
     if (of->apart)
         HADA_TRY_OR_DONE(expose(of, &even, &exposures, err));
-    for (int turn = 0, turns = 1; turn < turns; turn++) { /* of few, each is held out */
+    for (int turn = 0, turns = 1; turn < turns; turn++) { /* of few centred pairs, each is held out once */
         double left = 0.0;
         of->at.first = turn;
         HADA_TRY_OR_DONE(hada_look_take(&of->at, even ? even : of->pairs, err));

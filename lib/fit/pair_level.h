@@ -68,9 +68,10 @@ double hada_pair_level_product(const hada_pair_level *level, const float *a, con
 /* Exposures of all pairs, from their light, then from each other, and what is unexplained with them. Their geometric
  * mean within a depth is 1. `room`: a number per pair. */
 void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexplained, double *room);
-/* Exposures of the pairs whose `gain` is not 0 from each other alone, beginning with these, in so many rounds; and
- * scenes as bright as these say. */
+/* Improves exposures by comparing the pairs of a depth with each other, in so many rounds. A pair of exposure 0 takes
+ * no part. */
 void hada_pair_level_even(hada_pair_level *level, int rounds, double *gain, double *unexplained, double *room);
+/* Multiplies each scene by its exposure. */
 void hada_pair_level_brighten(hada_pair_level *level, const double *gain);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "core/callers.h"
 #include "core/numbers.h"
-#include "fit/fitter.h"
+#include "fit/look.h"
 #include "image/correct.h"
 #include "io/tiff_page.h"
 #include "tasks/frames.h"
@@ -205,7 +205,7 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
                             const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err)
 {
     const int given = hada_colours_known(fit->colour_matrix);
-    const int common = data->darkened == &mended->dark;
+    const int common = hada_look_is_lit(fit, data);
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     if (mended->unlit && !given && hada_colours_known(fit->colour_matrix)) {
         HADA_TRY(find_own_again(mended, fit, err));

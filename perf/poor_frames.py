@@ -4,8 +4,8 @@ four frames of other photographs, in dB, with a common gain taken off.
    perf/poor_frames.py HADALENS PHOTOGRAPHS OTHER_PHOTOGRAPHS [--kinds none,hot,room] [--first 900] [--frames] [--mosaic]
 none: as simulated. hot: one pixel of a thousand at white. room: light of a room, 5 % of full scale and a slope of 12 % more.
 rooms: another one in each frame. srgb: 8 bits, encoded for displays. eight: 8 bits. level: a dark level of 6 %, 16 bits. black: cut
-off at black. exposures: each frame's own, 0.7 to 1.4. rows: an offset of each row, 1 % of full scale. gains: of each pixel, 2 %.
-white: the brightest 5 % cut off. corners: 60 % of the light is lost there. colours, few_colours: each channel of the sensor sees
+off at black. exposures: each frame's own, 0.7 to 1.4. balance: the same of red and blue beside green, some 14 %. rows: an offset
+of each row, 1 % of full scale. gains: of each pixel, 2 %. white: the brightest 5 % cut off. corners: 60 % of the light is lost there. colours, few_colours: each channel of the sensor sees
 some of the others, up to a third or a twentieth. stray: 3 % of white everywhere. dim: 0.7 times as bright. ten: 10 bits in a file
 of 16. Kinds joined by + come one after the other: exposures+dim+srgb. --frames: the pairs are as simulated. --mosaic: all cameras
 are in colour, behind a colour filter mosaic. Needs NumPy and tifffile."""
@@ -61,6 +61,9 @@ def spoil_once(kind, frame, chance):
         return frame + chance.uniform(0.01, 0.15) * (0.5 + chance.uniform(0, 1) * x + 0.4 * y)
     if kind == "exposures":
         return frame * chance.uniform(0.7, 1.4)
+    if kind == "balance":
+        gains = np.exp(chance.normal(0, 0.1, 3))
+        return frame * gains / gains[1] if frame.ndim == 3 else frame
     if kind == "rows":
         return frame + chance.normal(0, 0.01, (rows, *(1,) * (frame.ndim - 1)))
     if kind == "gains":

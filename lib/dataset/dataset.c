@@ -143,7 +143,8 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     set->encoding = from->encoding;
     set->darkened = from->darkened;
     set->light = from->light;
-    set->light_channels = from->light_channels;
+    set->balance = from->balance;
+    set->channels = from->channels;
     if (!from->number)
         return HADA_OK;
     HADA_TRY(HADA_NEW(set->number, before(set, depths), "a data set", err));
@@ -270,7 +271,8 @@ hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, con
                                hada_error *err)
 {
     HADA_TRY(whole_part(out, from, err));
-    hada_colours_invert(m, (*out)->unmix);
+    if (hada_colours_known(m))
+        hada_colours_invert(m, (*out)->unmix);
     return HADA_OK;
 }
 
@@ -279,7 +281,16 @@ hada_status hada_dataset_unlit(hada_dataset **out, const hada_dataset *from, con
 {
     HADA_TRY(whole_part(out, from, err));
     (*out)->light = light;
-    (*out)->light_channels = channels;
+    (*out)->channels = channels;
+    return HADA_OK;
+}
+
+hada_status hada_dataset_balance(hada_dataset **out, const hada_dataset *from, const double *balance, int channels,
+                                 hada_error *err)
+{
+    HADA_TRY(whole_part(out, from, err));
+    (*out)->balance = balance;
+    (*out)->channels = channels;
     return HADA_OK;
 }
 
@@ -506,6 +517,20 @@ static hada_status unmix(hada_pair *pair, const double inverse[HADA_COLOUR_MATRI
     return HADA_OK;
 }
 
+/* A frame without light of its own, and of the white balance that all have. */
+static hada_status correct(hada_pair *pair, const hada_dataset *dataset, int number, hada_error *err)
+{
+    const size_t first = (size_t)(number * dataset->channels);
+    HADA_TRY(own_raw(pair, err));
+    hada_image *raw = &pair->own.raw;
+    if (dataset->light)
+        hada_smooth_add(dataset->light + first * HADA_SMOOTH_TERMS, -1.0, raw);
+    const size_t area = hada_image_count(raw) / (size_t)raw->channels;
+    for (size_t i = 0; dataset->balance && i < hada_image_count(raw); i++)
+        raw->data[i] *= (float)dataset->balance[first + i / area];
+    return HADA_OK;
+}
+
 /* Puts the scene that is in place of the pair's, where there is one. */
 static void replace_scene(hada_pair *pair, const hada_filled_scenes *filled, int number)
 {
@@ -548,11 +573,8 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         hada_pair_name(dataset, depth, number, err);
         goto done;
     }
-    if (dataset->light && pair->raw->channels == dataset->light_channels) {
-        HADA_TRY_OR_DONE(own_raw(pair, err));
-        hada_smooth_add(dataset->light + (size_t)(index * dataset->light_channels) * HADA_SMOOTH_TERMS, -1.0,
-                        &pair->own.raw);
-    }
+    if ((dataset->light || dataset->balance) && pair->raw->channels == dataset->channels)
+        HADA_TRY_OR_DONE(correct(pair, dataset, index, err));
     if (hada_colours_known(dataset->unmix) && pair->raw->channels == HADA_COLOURS)
         HADA_TRY_OR_DONE(unmix(pair, dataset->unmix, err));
     if (gain != 1.0) {

@@ -98,7 +98,8 @@ struct hada_dataset {
     /* in place of the store's: a flat frame with more pixels of 0, and a dark frame; NULL: the store's */
     const hada_image *mended, *darkened;
     const double *light; /* surfaces that are subtracted, [pair of the store][channel][HADA_SMOOTH_TERMS]; NULL: none */
-    int light_channels;
+    const double *balance; /* by which they are multiplied then, [pair of the store][channel]; NULL: 1 */
+    int channels;          /* of light and balance */
     double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
     double response;                  /* in which scenes are encoded, where there are gains */
     double unmix[HADA_COLOUR_MATRIX]; /* by which frames are multiplied; all 0: by nothing */
@@ -147,7 +148,8 @@ int hada_pair_number(const hada_dataset *dataset, int depth, int pair);
 hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
                                   double response, hada_error *err);
 
-/* The same pairs, with raw frames of three channels that were m, [channel][colour], times what these are now. */
+/* The same pairs, with raw frames of three channels that were m, [channel][colour], times what these are now; m all 0:
+ * as they are. */
 hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, const double m[HADA_COLOUR_MATRIX],
                                hada_error *err);
 
@@ -155,6 +157,10 @@ hada_status hada_dataset_unmix(hada_dataset **out, const hada_dataset *from, con
  * [HADA_SMOOTH_TERMS] by hada_pair_number(), which must stay as long as the part and its parts. */
 hada_status hada_dataset_unlit(hada_dataset **out, const hada_dataset *from, const double *light, int channels,
                                hada_error *err);
+
+/* The same pairs, with raw frames of so many channels times balance[pair][channel], of the same rules. */
+hada_status hada_dataset_balance(hada_dataset **out, const hada_dataset *from, const double *balance, int channels,
+                                 hada_error *err);
 
 /* The same pairs; their raw frames have this encoding (hadalens/response.h) and are given out in linear light. */
 hada_status hada_dataset_decode(hada_dataset **out, const hada_dataset *from, double encoding, hada_error *err);

@@ -3,9 +3,7 @@
 #include <float.h>
 #include <hadalens/response.h>
 
-#include "core/numbers.h"
 #include "fit/look.h"
-#include "image/correct.h"
 #include "image/pixels.h"
 
 /* Another response than the survey's must leave so much less of held-out frames: than linear, than others, and where
@@ -28,125 +26,6 @@
 #define SPOILT 2.0
 /* Frames that are nowhere brighter are not encoded: 10 or 12 bits in a file of 16. */
 #define DIM 0.1
-
-/* Exposures become more precise in so many rounds, in each by this factor at most. */
-enum { ROUNDS = 3 };
-#define MOST_CHANGE 1.5
-
-/* The exposure of a frame by what its scene makes, with a smooth surface beside it where light is to be left out:
- * least squares of pixels that are known. */
-static double exposure_of(const hada_look *at, int pair, const hada_image *frame, double dark, const float *made)
-{
-    enum { MOST = 1 + HADA_SMOOTH_TERMS };
-    const int rows = at->options->raw_rows, cols = at->options->raw_cols, n = at->centred || at->smooth ? MOST : 1;
-    const float *weights = at->weights[pair].data;
-    double normal[MOST * MOST] = {0.0}, right[MOST] = {0.0}, term[MOST];
-    for (int p = 0; p < rows * cols; p++) {
-        const double y = hada_smooth_place(p / cols + 0.5, rows), x = hada_smooth_place(p % cols + 0.5, cols);
-        for (int k = 0; k < n && (!weights || weights[p] == 1.0f); k++) {
-            term[k] = k ? hada_smooth_term(k - 1, y, x) : (double)made[p];
-            right[k] += term[k] * ((double)frame->data[p] - dark);
-            for (int j = 0; j <= k; j++)
-                normal[k * n + j] += term[k] * term[j];
-        }
-    }
-    if (!hada_cholesky_factor(normal, n))
-        return 1.0;
-    hada_cholesky_solve(normal, n, right);
-    return right[0] > 0.0 ? fmin(fmax(right[0], 1.0 / MOST_CHANGE), MOST_CHANGE) : 1.0;
-}
-
-/* Exposures of the pairs that `at` names, from what they make of each other together. Their geometric mean stays. */
-static hada_status expose_group(hada_look *at, const hada_survey *survey, const hada_dataset *pairs, hada_error *err)
-{
-    const size_t area = (size_t)at->options->raw_rows * (size_t)at->options->raw_cols;
-    double *gain = (double *)(uintptr_t)survey->gains[at->depth] + at->first;
-    double times[HADA_LOOK_MOST], dark[HADA_LOOK_MOST], mean = 0.0;
-    hada_image frame[HADA_LOOK_MOST];
-    hada_dataset *even = NULL;
-    float *made = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(made, (size_t)at->group * area, "frames", err));
-    HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, pairs, err));
-    HADA_TRY_OR_DONE(hada_look_take(at, even, err));
-    HADA_TRY_OR_DONE(hada_look_predict(at, made, frame, dark, err));
-    for (int i = 0; i < at->group; i++) {
-        times[i] = exposure_of(at, i, &frame[i], dark[i], made + (size_t)i * area);
-        mean += log(times[i]) / at->group;
-    }
-    for (int i = 0; i < at->group; i++)
-        gain[i] *= times[i] / exp(mean);
-done:
-    free(made);
-    hada_look_return(at);
-    hada_dataset_destroy(&even);
-    return status;
-}
-
-/* More precise exposures of the pairs of a depth, which a survey has, in groups. */
-static hada_status expose_depth(const hada_survey *survey, const hada_fit_options *fit, int depth,
-                                hada_context *context, const hada_dataset *pairs, hada_error *err)
-{
-    const int count = hada_dataset_get_info(pairs)->counts[depth],
-              groups = (count + HADA_LOOK_MOST - 1) / HADA_LOOK_MOST;
-    hada_fit_options options = *fit;
-    options.scene_response = survey->response;
-    for (int g = 0; count >= HADA_LOOK_LEAST && g < groups; g++)
-        for (int round = 0; round < ROUNDS; round++) {
-            hada_look at = {.context = context, .options = &options, .depth = depth, .first = count * g / groups};
-            hada_look_ignore_light(&at, pairs, depth);
-            at.group = count * (g + 1) / groups - at.first;
-            HADA_TRY(expose_group(&at, survey, pairs, err));
-        }
-    return HADA_OK;
-}
-
-/* How much light of a depth's scenes, exposed as the survey says, reaches the sensor and beyond. */
-static hada_status light_of(const hada_survey *survey, const hada_fit_options *fit, int depth, hada_context *context,
-                            const hada_dataset *even, double *light, hada_error *err)
-{
-    hada_fit_options options = *fit;
-    hada_look at = {.context = context, .options = &options, .depth = depth};
-    double left[HADA_LOOK_MOST];
-    int rows, cols;
-    hada_status status = HADA_OK;
-    options.scene_response = survey->response;
-    at.group = hada_least(hada_dataset_get_info(even)->counts[depth], HADA_LOOK_MOST);
-    hada_look_whole(&options, &rows, &cols);
-    HADA_TRY_OR_DONE(hada_look_take(&at, even, err));
-    HADA_TRY_OR_DONE(hada_look_explain(&at, rows, cols, at.learned, left, light, NULL, err));
-done:
-    hada_look_return(&at);
-    return status;
-}
-
-/* Exposures of depths beside each other are not in the pairs: they become such that scenes are as bright at all depths,
- * for a pixel of the scene stands for the same angle at each. */
-static hada_status level_depths(const hada_survey *survey, const hada_fit_options *fit, hada_context *context,
-                                const hada_dataset *pairs, hada_error *err)
-{
-    const int *counts = hada_dataset_get_info(pairs)->counts;
-    hada_dataset *even = NULL;
-    double *light = NULL, mean = 0.0;
-    hada_status status = HADA_OK;
-    if (fit->depths < 2)
-        return HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(light, (size_t)fit->depths, "exposures", err));
-    HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, pairs, err));
-    for (int z = 0; z < fit->depths; z++) {
-        if (!counts[z])
-            goto done;
-        HADA_TRY_OR_DONE(light_of(survey, fit, z, context, even, &light[z], err));
-        mean += log(light[z]) / fit->depths;
-    }
-    for (int z = 0; isfinite(mean) && z < fit->depths; z++)
-        for (int i = 0; i < counts[z]; i++)
-            ((double *)(uintptr_t)survey->gains[z])[i] *= light[z] / exp(mean);
-done:
-    free(light);
-    hada_dataset_destroy(&even);
-    return status;
-}
 
 /* Responses that are compared on the largest grid, exposures alike or apart. */
 typedef struct confirming {
@@ -181,7 +60,7 @@ static hada_status begin(confirming *of, hada_context *context, const hada_fit_o
 static hada_status expose(const confirming *of, hada_dataset **even, hada_survey **exposures, hada_error *err)
 {
     HADA_TRY(hada_survey_create(exposures, &of->options, of->pairs, HADA_EXPOSURE_EACH, err));
-    HADA_TRY(expose_depth(*exposures, &of->options, of->at.depth, of->at.context, of->pairs, err));
+    HADA_TRY(hada_fit_expose_depth(*exposures, &of->options, of->at.depth, of->at.context, of->pairs, err));
     return hada_survey_apply(even, *exposures, of->pairs, err);
 }
 
@@ -288,8 +167,8 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
         HADA_TRY_OR_DONE(hada_survey_create(&exposures, &of.options, pairs, HADA_EXPOSURE_EACH, err));
         hada_survey_choose(survey, survey->rows[apart], exposures);
         for (int z = 0; z < fit->depths; z++)
-            HADA_TRY_OR_DONE(expose_depth(survey, fit, z, context, pairs, err));
-        HADA_TRY_OR_DONE(level_depths(survey, fit, context, pairs, err));
+            HADA_TRY_OR_DONE(hada_fit_expose_depth(survey, fit, z, context, pairs, err));
+        HADA_TRY_OR_DONE(hada_fit_level_depths(survey, fit, context, pairs, err));
     } else {
         hada_survey_choose(survey, survey->rows[alike], NULL);
     }

@@ -114,6 +114,17 @@ hada_status hada_fit_left_share(const hada_fit_options *fit, hada_context *conte
  * crop in the model. Has the survey choose what is better. */
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,
                                     hada_context *context, const hada_dataset *pairs, hada_error *err);
+/* Exposures of a depth's pairs, which a survey has, more precise. */
+hada_status hada_fit_expose_depth(const hada_survey *survey, const hada_fit_options *fit, int depth,
+                                  hada_context *context, const hada_dataset *pairs, hada_error *err);
+/* Exposures of depths beside each other are not in the pairs: they become such that scenes are as bright at all depths,
+ * for a pixel of the scene stands for the same angle at each. */
+hada_status hada_fit_level_depths(const hada_survey *survey, const hada_fit_options *fit, hada_context *context,
+                                  const hada_dataset *pairs, hada_error *err);
+/* By what the channels of frames must be multiplied to have one white balance: [pair][channel], by hada_pair_number(),
+ * free(); NULL where they have. The pairs are of one exposure, fit->scene_response and fit->colour_matrix are known. */
+hada_status hada_fit_find_balance(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
+                                  double **balance, hada_error *err);
 /* What a sensor's channels see of the scenes' colours, of options->scene_response, by pairs of one exposure or, if
  * `exposed`, of nearly one: *found, whether frames are explained far better so; m as hada_fit_options.colour_matrix,
  * all 0 otherwise. */

@@ -36,28 +36,15 @@ hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, in
     return hada_fit_sizes_from(fit, data, err);
 }
 
-/* *out: `data`, or, where `fit` has a colour matrix, *pure, which has its frames in the scenes' colours. */
-static hada_status purify(const hada_fit_options *fit, const hada_dataset *data, hada_dataset **pure,
-                          const hada_dataset **out, hada_error *err)
-{
-    *pure = NULL;
-    *out = data;
-    if (!hada_colours_known(fit->colour_matrix) || fit->channels != HADA_COLOURS)
-        return HADA_OK;
-    HADA_TRY(hada_dataset_unmix(pure, data, fit->colour_matrix, err));
-    *out = *pure;
-    return HADA_OK;
-}
-
 static hada_status survey_once(hada_survey **out, hada_context *context, const hada_dataset *data,
                                const hada_fit_options *fit, hada_exposure exposure, hada_error *err)
 {
-    hada_dataset *pure;
+    hada_dataset *pure = NULL;
     hada_status status = HADA_OK;
     hada_survey_destroy(out);
-    HADA_TRY_OR_DONE(purify(fit, data, &pure, &data, err));
-    HADA_TRY_OR_DONE(hada_survey_create(out, fit, data, exposure, err));
-    HADA_TRY_OR_DONE(hada_fit_confirm_survey(*out, fit, exposure, context, data, err));
+    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, data, fit->colour_matrix, err));
+    HADA_TRY_OR_DONE(hada_survey_create(out, fit, pure, exposure, err));
+    HADA_TRY_OR_DONE(hada_fit_confirm_survey(*out, fit, exposure, context, pure, err));
 done:
     hada_dataset_destroy(&pure);
     return status;
@@ -99,11 +86,11 @@ static hada_status left_with(const hada_survey *survey, hada_context *context, c
                              const hada_fit_options *fit, double *left, hada_error *err)
 {
     hada_fit_options known = *fit;
-    hada_dataset *pure;
+    hada_dataset *pure = NULL;
     hada_status status = HADA_OK;
     known.scene_response = survey->response;
-    HADA_TRY_OR_DONE(purify(fit, data, &pure, &data, err));
-    HADA_TRY_OR_DONE(hada_fit_left_share(&known, context, data, left, err));
+    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, data, fit->colour_matrix, err));
+    HADA_TRY_OR_DONE(hada_fit_left_share(&known, context, pure, left, err));
 done:
     hada_dataset_destroy(&pure);
     return status;
@@ -159,11 +146,10 @@ static hada_status find_own_again(hada_mended *mended, const hada_fit_options *f
     enum { EACH = HADA_COLOURS * HADA_SMOOTH_TERMS };
     const size_t pairs = (size_t)mended->lit->store->pairs;
     double *light = NULL;
-    const hada_dataset *lit;
-    hada_dataset *pure;
+    hada_dataset *pure = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(purify(fit, mended->lit, &pure, &lit, err));
-    HADA_TRY_OR_DONE(hada_fit_find_own_light(fit, lit, mended->apart, &light, err));
+    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, mended->lit, fit->colour_matrix, err));
+    HADA_TRY_OR_DONE(hada_fit_find_own_light(fit, pure, mended->apart, &light, err));
     for (size_t i = 0; light && i < pairs * EACH; i++) { /* as the sensor sees it */
         const size_t first = i / EACH * EACH + i % HADA_SMOOTH_TERMS, channel = i % EACH / HADA_SMOOTH_TERMS;
         mended->light[i] = 0.0;
@@ -182,13 +168,12 @@ static hada_status correct_light(hada_mended *mended, hada_context *context, con
 {
     hada_fit_options fit = *callers;
     hada_dataset *even = NULL, *pure = NULL;
-    const hada_dataset *seen;
     hada_image left = {0};
     hada_status status = HADA_OK;
     fit.scene_response = survey->response;
     HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, data, err));
-    HADA_TRY_OR_DONE(purify(&fit, even, &pure, &seen, err));
-    HADA_TRY_OR_DONE(hada_fit_find_common_light(&fit, context, seen, &left, err));
+    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, even, fit.colour_matrix, err));
+    HADA_TRY_OR_DONE(hada_fit_find_common_light(&fit, context, pure, &left, err));
     if (hada_colours_known(fit.colour_matrix) && fit.channels == HADA_COLOURS)
         hada_colours_mix(left.data, hada_image_count(&left) / HADA_COLOURS, fit.colour_matrix);
     for (size_t i = 0; i < hada_image_count(&left); i++)
@@ -200,16 +185,52 @@ done:
     return status;
 }
 
+/* Brings frames whose channels differ in exposure to one white balance. *data: the pairs that are; *found: whether any
+ * differed. */
+static hada_status balance(hada_mended *mended, const hada_dataset **data, hada_context *context,
+                           const hada_survey *survey, const hada_fit_options *callers, const hada_communicator *ranks,
+                           int *found, hada_error *err)
+{
+    const size_t count = (size_t)(*data)->store->pairs * (size_t)callers->channels;
+    hada_fit_options fit = *callers;
+    hada_dataset *even = NULL;
+    hada_status status = HADA_OK;
+    fit.scene_response = survey->response;
+    HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, *data, err));
+    HADA_TRY_OR_DONE(hada_fit_find_balance(&fit, context, even, &mended->balance, err));
+    *found = mended->balance != NULL;
+    HADA_TRY_OR_DONE(hada_broadcast(ranks, 0, found, sizeof *found, err));
+    if (!*found)
+        goto done;
+    if (!mended->balance)
+        HADA_TRY_OR_DONE(HADA_NEW(mended->balance, count, "the white balance of frames", err));
+    HADA_TRY_OR_DONE(hada_broadcast(ranks, 0, mended->balance, count * sizeof *mended->balance, err));
+    HADA_TRY_OR_DONE(hada_dataset_balance(&mended->balanced, *data, mended->balance, fit.channels, err));
+    *data = mended->balanced;
+done:
+    hada_dataset_destroy(&even);
+    return status;
+}
+
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended *mended, hada_context *context,
                             const hada_dataset *data, hada_fit_options *fit, hada_exposure exposure,
                             const hada_communicator *ranks, const hada_monitor *monitor, hada_error *err)
 {
     const int given = hada_colours_known(fit->colour_matrix);
     const int common = hada_look_is_lit(fit, data);
+    int balanced = 0;
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     if (mended->unlit && !given && hada_colours_known(fit->colour_matrix)) {
         HADA_TRY(find_own_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
+        HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
+    }
+    if (exposure != HADA_EXPOSURE_SAME && !hada_colours_known(fit->colour_matrix))
+        HADA_TRY(balance(mended, &data, context, *out, fit, ranks, &balanced, err));
+    if (balanced) {
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "frames differ in white balance: they are brought to one. New frames keep theirs, so fix the "
+                          "camera's white balance");
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
     if (common) { /* the first rank's, as devices round differently */
@@ -232,8 +253,9 @@ void hada_mended_free(hada_mended *mended)
     hada_dataset_destroy(&mended->above);
     hada_dataset_destroy(&mended->sound);
     hada_dataset_destroy(&mended->linear);
+    hada_dataset_destroy(&mended->balanced);
     hada_dataset_destroy(&mended->unlit);
-    free(mended->light);
+    HADA_FREE(mended->balance, mended->light);
     hada_image_destroy(&mended->flat);
     hada_image_destroy(&mended->dark);
 }
@@ -384,17 +406,17 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
                                      hada_error *err)
 {
     const double *const distances_mm = fit->distances_mm;
-    hada_dataset *pure;
+    hada_dataset *pure = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(purify(fit, pairs, &pure, &pairs, err));
+    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, pairs, fit->colour_matrix, err));
     if (fit->boundary != HADA_BOUNDARY_CIRCULAR && !given) {
-        HADA_TRY_OR_DONE(hada_fit_find_boundary(fit, context, pairs, err));
+        HADA_TRY_OR_DONE(hada_fit_find_boundary(fit, context, pure, err));
         hada_monitor_tell(fit->monitor, HADA_MESSAGE_DETAIL,
                           fit->boundary == HADA_BOUNDARY_CIRCULAR ? "no light leaves the sensor: boundary circular"
                                                                   : "light leaves the sensor: boundary padded");
     }
     if (fit->find_dark && fit->dark > 0.0 && fit->boundary == HADA_BOUNDARY_PADDED)
-        HADA_TRY_OR_DONE(hada_fit_refine_dark(fit, context, pairs, err));
+        HADA_TRY_OR_DONE(hada_fit_refine_dark(fit, context, pure, err));
 done:
     fit->distances_mm = distances_mm; /* not those of `pure` */
     hada_dataset_destroy(&pure);

@@ -21,6 +21,8 @@ typedef struct hada_mended {
     double *light;               /* that, as hada_fit_find_own_light() has it: exposures apart or not, */
     int apart;
     const hada_dataset *lit; /* of these pairs; not owned */
+    hada_dataset *balanced;  /* of one white balance, */
+    double *balance;         /* as hada_fit_find_balance() has it */
 } hada_mended;
 void hada_mended_free(hada_mended *mended);
 

@@ -4,7 +4,7 @@
 #include "camera_small.h"
 #include "dataset/dataset.h"
 #include "device_fixture.h"
-#include "fit/fit_sums.h"
+#include "fit/fitter.h"
 #include "image/colour_matrix.h"
 #include "image/correct.h"
 #include "image/mosaic.h"
@@ -349,6 +349,36 @@ TEST(light_is_found_beside_other_faults)
         ASSERT_OK(hada_image_create(&added, CHANNELS, ROWS, COLS, err));
         hada_smooth_add(light, 0.1, &added);
         assert_true(found && relative_change(found->data, added.data, hada_image_count(&added)) < 0.0015);
+        free_pairs(&set);
+    }
+}
+
+/* But for an exposure of each frame and each channel, which are others' to find. */
+TEST(white_balance_is_found)
+{
+    static const double by[PAIRS][CHANNELS] = {{1.1, 1, 0.8}, {0.9, 1, 1.2}, {1, 1.05, 1}, {1.2, 0.95, 1}};
+    for (int k = 0; k < 2; k++) { /* alike; not */
+        DEFAULTS(hada_fit_options, fit);
+        double *found, left[PAIRS][CHANNELS], row[PAIRS] = {0.0}, column[CHANNELS] = {0.0};
+        pairs set;
+        make_pairs(&set, NULL, HADA_RESPONSE_LINEAR, 0, 0);
+        for (int i = 0; k && i < PAIRS * CHANNELS; i++)
+            for (int at = 0; at < AREA; at++)
+                set.frame[i / CHANNELS].data[i % CHANNELS * AREA + at] *= (float)by[i / CHANNELS][i % CHANNELS];
+        SCOPED(hada_dataset) *data = data_of(&set);
+        ASSERT_OK(hada_fit_sizes_from(&fit, data, err));
+        fit.boundary = HADA_BOUNDARY_PADDED;
+        ASSERT_OK(hada_fit_find_balance(&fit, context, data, &found, err));
+        assert_int_equal(found != NULL, k);
+        for (int i = 0; k && i < PAIRS * CHANNELS; i++) {
+            left[i / CHANNELS][i % CHANNELS] = log(found[i] * by[i / CHANNELS][i % CHANNELS]);
+            row[i / CHANNELS] += left[i / CHANNELS][i % CHANNELS] / CHANNELS;
+            column[i % CHANNELS] += left[i / CHANNELS][i % CHANNELS] / PAIRS;
+        }
+        for (int i = 0; k && i < PAIRS * CHANNELS; i++)
+            assert_true(fabs(left[i / CHANNELS][i % CHANNELS] - row[i / CHANNELS] - column[i % CHANNELS] +
+                             (column[0] + column[1] + column[2]) / CHANNELS) < 0.005);
+        free(found);
         free_pairs(&set);
     }
 }

@@ -91,7 +91,6 @@ static hada_status apply(hada_slot *slot, const hada_batch_norm *norm, const had
 hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
                                   const hada_tensor *y, hada_error *err)
 {
-    HADA_TRY(hada_layer_check("batch normalisation", x, y, 1, err));
     return apply(slot, norm, x, y, norm->mean, norm->variance, 1, err);
 }
 
@@ -118,7 +117,6 @@ static hada_status measure(hada_slot *slot, const hada_batch_norm *norm, const h
 hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
                                   const hada_tensor *y, hada_floats saved, cl_mem scratch, hada_error *err)
 {
-    HADA_TRY(hada_layer_check("batch normalisation", x, y, 1, err));
     if ((double)x->images * x->rows * x->cols < 2.0)
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
                            "batch normalisation cannot learn from one value per channel: it "
@@ -146,8 +144,6 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                                      hada_floats dweight, hada_floats dbias, int accumulate, cl_mem scratch,
                                      hada_error *err)
 {
-    HADA_TRY(hada_layer_check("batch normalisation", x, dy, 1, err));
-    HADA_TRY(hada_layer_check("batch normalisation", x, dx, 1, err));
     size_t place;
     HADA_TRY(gradient_sums(slot, x, saved, dy, scratch, &place, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);

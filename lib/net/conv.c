@@ -526,20 +526,6 @@ static hada_status winograd_weights(hada_conv *conv, const hada_tensor *coarse, 
                                      : in_steps(conv, coarse, fine, all, dw, db, accumulate, err);
 }
 
-/* The gradients of weights and biases (db NULL: none), after all checks. */
-static hada_status conv_gradients(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, hada_floats dw,
-                                  hada_floats db, int accumulate, hada_error *err)
-{
-    const int transposed = conv->plan.desc.transposed;
-    const hada_tensor *coarse = transposed ? x : dy, *fine = transposed ? dy : x;
-    conv_cost(conv, coarse, fine);
-    if (conv->plan.gradient.winograd && !transposed) /* gives the gradient of the biases as well */
-        return winograd_weights(conv, coarse, fine, dw, db, accumulate, err);
-    HADA_TRY(conv->plan.gradient.winograd ? winograd_weights(conv, coarse, fine, dw, (hada_floats){0}, accumulate, err)
-                                          : weights_of(conv, coarse, fine, dw, accumulate, err));
-    return db.mem ? bias_of(conv, dy, db, accumulate, err) : HADA_OK;
-}
-
 hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err)
 {
     hada_status status = HADA_OK;
@@ -582,53 +568,9 @@ hada_conv_method hada_conv_serving(const hada_conv *conv)
 
 hada_status hada_conv_set_weights(hada_conv *conv, hada_floats weights, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int p = 0; p < conv->plan.pass_count; p++)
-        HADA_TRY_OR_DONE(conv->plan.pass[p].winograd ? conv_winograd_pack(conv, p, weights, err)
-                                                     : hada_conv_pack(conv, p, weights, err));
-done:
-    conv->has_weights = !status;
-    return status;
-}
-
-static hada_status tensor_fits(const hada_conv *conv, const hada_tensor *tensor, const char *name, int images,
-                               int channels, int rows, int cols, hada_error *err)
-{
-    if (tensor->images == images && tensor->images >= 1 && tensor->images <= conv->plan.desc.images &&
-        tensor->channels == channels && tensor->rows == rows && tensor->cols == cols &&
-        tensor->block == conv->plan.block)
-        return HADA_OK;
-    return hada_fail(err, HADA_ERROR_SIZE,
-                     "a convolution's %s has %d images of %dx%dx%d in blocks of %d, it takes %d (at most %d) of "
-                     "%dx%dx%d in blocks of %d",
-                     name, tensor->images, tensor->channels, tensor->rows, tensor->cols, tensor->block, images,
-                     conv->plan.desc.images, channels, rows, cols, conv->plan.block);
-}
-
-static hada_status ready(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
-                         const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
-{
-    const hada_conv_pass *pass = &conv->plan.pass[index];
-    const char *const names[HADA_CONV_PASSES][2] = {{"x", "y"}, {"dy", "dx"}};
-    if (!conv->has_weights)
-        return hada_fail(err, HADA_ERROR_STATE, "a convolution needs hada_conv_set_weights() first");
-    const int doubled = conv->plan.desc.doubled;
-    if (!low != !doubled)
-        return hada_fail(err, HADA_ERROR_STATE, "a convolution with doubled channels takes them apart, others do not");
-    HADA_TRY(tensor_fits(conv, in, names[index][0], in->images, pass->in_channels - doubled, pass->in_rows,
-                         pass->in_cols, err));
-    if (low)
-        HADA_TRY(
-            tensor_fits(conv, low, "doubled channels", in->images, doubled, pass->in_rows / 2, pass->in_cols / 2, err));
-    HADA_TRY(
-        tensor_fits(conv, out, names[index][1], in->images, pass->out_channels, pass->out_rows, pass->out_cols, err));
-    if (finish->mask)
-        HADA_TRY(tensor_fits(conv, finish->mask, "mask", in->images, pass->out_channels, pass->out_rows, pass->out_cols,
-                             err));
-    if (finish->pooled)
-        HADA_TRY(tensor_fits(conv, finish->pooled, "pooled output", in->images, pass->out_channels, pass->out_rows / 2,
-                             pass->out_cols / 2, err));
-    conv_cost(conv, pass->to_coarse ? out : in, pass->to_coarse ? in : out);
+        HADA_TRY(conv->plan.pass[p].winograd ? conv_winograd_pack(conv, p, weights, err)
+                                             : hada_conv_pack(conv, p, weights, err));
     return HADA_OK;
 }
 
@@ -636,7 +578,7 @@ static hada_status run(hada_conv *conv, int index, const hada_tensor *in, const 
                        const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
-    HADA_TRY(ready(conv, index, in, low, out, finish, err));
+    conv_cost(conv, pass->to_coarse ? out : in, pass->to_coarse ? in : out);
     /* only Winograd's tiles pool on their way, where they do not stand on odd pixels at the far edges */
     const int pools = pass->winograd && finish->pooled && out->rows % 2 == 0 && out->cols % 2 == 0;
     HADA_TRY(pass->winograd                    ? conv_winograd(conv, index, in, low, out, finish, pools, err)
@@ -654,41 +596,30 @@ int hada_conv_doubles(const hada_context *context, const hada_conv_desc *desc)
     return desc->doubled && !hada_conv_plan_make(&plan, context, desc, NULL);
 }
 
-hada_status hada_conv_forward_doubled(hada_conv *conv, const hada_tensor *x, const hada_tensor *low, hada_floats bias,
-                                      const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
+hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, const hada_tensor *low, hada_floats bias,
+                              const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
 {
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_finish finish = {bias, d->activation, d->slope, NULL, pooled, 0};
     return run(conv, HADA_CONV_FORWARD, x, low, y, &finish, err);
 }
 
-hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
-                              const hada_tensor *pooled, hada_error *err)
-{
-    return hada_conv_forward_doubled(conv, x, NULL, bias, y, pooled, err);
-}
-
-static hada_status must_train(const hada_conv *conv, hada_error *err)
-{
-    return conv->plan.desc.training
-               ? HADA_OK
-               : hada_fail(err, HADA_ERROR_STATE, "a convolution whose description has no `training` has no gradients");
-}
-
 hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, const hada_tensor *masked_by,
                                     const hada_tensor *dx, int accumulate, hada_error *err)
 {
     const hada_conv_finish finish = {.mask = masked_by, .accumulate = accumulate};
-    HADA_TRY(must_train(conv, err));
     return run(conv, HADA_CONV_DATA, dy, NULL, dx, &finish, err);
 }
 
 hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, hada_floats dw,
                                        hada_floats db, int accumulate, hada_error *err)
 {
-    HADA_TRY(must_train(conv, err));
-    const hada_conv_pass *forward = &conv->plan.pass[HADA_CONV_FORWARD];
-    HADA_TRY(tensor_fits(conv, x, "x", x->images, forward->in_channels, forward->in_rows, forward->in_cols, err));
-    HADA_TRY(tensor_fits(conv, dy, "dy", x->images, forward->out_channels, forward->out_rows, forward->out_cols, err));
-    return conv_gradients(conv, x, dy, dw, db, accumulate, err);
+    const int transposed = conv->plan.desc.transposed;
+    const hada_tensor *coarse = transposed ? x : dy, *fine = transposed ? dy : x;
+    conv_cost(conv, coarse, fine);
+    if (conv->plan.gradient.winograd && !transposed) /* gives the gradient of the biases as well */
+        return winograd_weights(conv, coarse, fine, dw, db, accumulate, err);
+    HADA_TRY(conv->plan.gradient.winograd ? winograd_weights(conv, coarse, fine, dw, (hada_floats){0}, accumulate, err)
+                                          : weights_of(conv, coarse, fine, dw, accumulate, err));
+    return db.mem ? bias_of(conv, dy, db, accumulate, err) : HADA_OK;
 }

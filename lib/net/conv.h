@@ -23,7 +23,7 @@ typedef struct hada_conv_desc {
     float slope;
     hada_conv_method method;
     int training; /* 1: the backward functions will be called */
-    int doubled;  /* of in_channels, the last so many are given at half the size (hada_conv_forward_doubled); 0: none */
+    int doubled;  /* of in_channels, the last so many are given at half the size; 0: none */
 } hada_conv_desc;
 
 void hada_conv_output_size(const hada_conv_desc *desc, int *rows, int *cols);
@@ -39,18 +39,15 @@ hada_conv_method hada_conv_serving(const hada_conv *conv);
 hada_status hada_conv_set_weights(hada_conv *conv, hada_floats weights, hada_error *err);
 
 /* y = act(conv(x) + bias); bias NULL: none. `pooled` (NULL: none) takes the 2 x 2 maxima of y as well, odd last rows
- * and columns dropped. */
-hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
-                              const hada_tensor *pooled, hada_error *err);
+ * and columns dropped. Where the description has `doubled` channels, x has the others, and `low` those at half the
+ * size: what comes in is hada_resize_forward(HADA_RESIZE_LINEAR) of it, which is not written. The bits are those of
+ * resizing first. Else `low` is NULL. */
+hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, const hada_tensor *low, hada_floats bias,
+                              const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
 
 /* Whether a description can have `doubled` channels here: without backward, where Winograd's tiles of 4 x 4 serve it,
  * the size is even and the channels before them are whole blocks. */
 int hada_conv_doubles(const hada_context *context, const hada_conv_desc *desc);
-
-/* The same where x has in_channels - doubled channels, and `low` the others at half the size: what comes in is
- * hada_resize_forward(HADA_RESIZE_LINEAR) of it, which is not written. The bits are those of resizing first. */
-hada_status hada_conv_forward_doubled(hada_conv *conv, const hada_tensor *x, const hada_tensor *low, hada_floats bias,
-                                      const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
 
 /* dx = the gradient of x for dy, the gradient before the activation. `masked_by` (NULL: none): dx is zero where this
  * tensor, the output of a ReLU that made x, is not above zero. accumulate: dx is added to. */

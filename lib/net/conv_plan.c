@@ -312,25 +312,6 @@ void hada_conv_output_size(const hada_conv_desc *desc, int *rows, int *cols)
     }
 }
 
-static hada_status validate(const hada_conv_desc *d, hada_error *err)
-{
-    int rows, cols;
-    if (d->images < 1 || d->in_channels < 1 || d->out_channels < 1 || d->in_rows < 1 || d->in_cols < 1 ||
-        d->kernel_rows < 1 || d->kernel_cols < 1 || d->stride < 1 || d->pad_rows < 0 || d->pad_cols < 0)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "a convolution needs sizes, a kernel and a stride of at least 1 and padding of at least 0");
-    if (d->transposed ? d->output_pad < 0 || d->output_pad >= d->stride : d->output_pad != 0)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "output padding is for transposed convolutions and smaller than the stride");
-    if ((unsigned)d->activation > HADA_ACTIVATION_SIGMOID || (unsigned)d->method >= HADA_CONV_METHODS)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a convolution with an unknown activation or method");
-    hada_conv_output_size(d, &rows, &cols);
-    if (rows < 1 || cols < 1)
-        return hada_fail(err, HADA_ERROR_SIZE, "a %dx%d kernel does not fit into %dx%d pixels", d->kernel_rows,
-                         d->kernel_cols, d->in_rows, d->in_cols);
-    return HADA_OK;
-}
-
 /* Whether every read of a pass stays within the input and its halo of one. */
 static int within_halo(int in, int out, int kernel, int pad, int in_step, int step)
 {
@@ -602,7 +583,6 @@ static hada_status check_doubled(const hada_conv_plan *plan, hada_error *err)
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
                                 hada_error *err)
 {
-    HADA_TRY(validate(desc, err));
     *plan = (hada_conv_plan){.desc = *desc,
                              .block = hada_net_block(context),
                              .groups = context->shape == HADA_SHAPE_GROUPS,

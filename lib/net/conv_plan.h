@@ -60,7 +60,7 @@ typedef struct hada_conv_plan {
     size_t scratch_floats;
 } hada_conv_plan;
 
-/* Fills the plan, or says what is wrong with the description. */
+/* Fills the plan, or says why the channels that are doubled cannot be. */
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
                                 hada_error *err);
 
@@ -76,7 +76,6 @@ struct hada_conv {
     hada_slot *slot;
     hada_conv_plan plan;
     hada_buffer weights[HADA_CONV_PASSES], scratch;
-    int has_weights;
 };
 
 /* What is done with a finished sum (hada_conv_epilogue). */

@@ -18,7 +18,7 @@ static hada_status values_of(comparison *c, hada_conv *conv, float *values, hada
 {
     HADA_TRY(hada_conv_set_weights(conv, (hada_floats){c->weights.mem, 0}, err));
     HADA_TRY(hada_buffer_clear(&c->y, c->slot, 0, c->y.bytes, err));
-    HADA_TRY(hada_conv_forward(conv, &c->in, (hada_floats){c->bias.mem, 0}, &c->out, NULL, err));
+    HADA_TRY(hada_conv_forward(conv, &c->in, NULL, (hada_floats){c->bias.mem, 0}, &c->out, NULL, err));
     return hada_buffer_read(&c->y, c->slot, 0, values, c->y.bytes, err);
 }
 

@@ -63,17 +63,15 @@ static hada_status conv_forward(hada_graph *graph, int i, const hada_tensor *x, 
 {
     const graph_node *node = &graph->plan.nodes[i];
     hada_floats bias = {0};
-    hada_tensor pooled = {0};
+    hada_tensor pooled = {0}, low = {0};
     if (node->layer->bias)
         bias = graph_parameter(graph, graph->values, i, 0, 1);
     if (node->fused_pool >= 0)
         pooled = value_of(graph, node->fused_pool, 0);
-    if (node->low >= 0) {
-        const hada_tensor low = value_of(graph, node->low, 0);
-        return hada_conv_forward_doubled(graph->convs[i], x, &low, bias, y, node->fused_pool >= 0 ? &pooled : NULL,
-                                         err);
-    }
-    return hada_conv_forward(graph->convs[i], x, bias, y, node->fused_pool >= 0 ? &pooled : NULL, err);
+    if (node->low >= 0)
+        low = value_of(graph, node->low, 0);
+    return hada_conv_forward(graph->convs[i], x, node->low >= 0 ? &low : NULL, bias, y,
+                             node->fused_pool >= 0 ? &pooled : NULL, err);
 }
 
 static hada_status concat_forward(hada_graph *graph, int i, int for_backward, const hada_tensor *y, hada_error *err)
@@ -507,8 +505,6 @@ static hada_status run(hada_graph *graph, int first, hada_error *err)
 
 hada_status hada_graph_forward(hada_graph *graph, hada_error *err)
 {
-    if (!graph->values.mem && graph->plan.net->floats)
-        return hada_fail(err, HADA_ERROR_STATE, "a net without weights: hada_graph_set_weights() comes first");
     return run(graph, 0, err);
 }
 
@@ -521,8 +517,6 @@ void hada_graph_watch(hada_graph *graph, hada_graph_ready ready, void *user)
 hada_status hada_graph_backward(hada_graph *graph, hada_floats gradients, int accumulate, hada_error *err)
 {
     const graph_plan *plan = &graph->plan;
-    if (!plan->options.training || (gradients.mem && !plan->options.weight_gradients))
-        return hada_fail(err, HADA_ERROR_STATE, "a graph that was not made for these gradients");
     int first = 0;
     while (plan->steps[first].kind != GRAPH_LOSS)
         first++;

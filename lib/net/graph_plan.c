@@ -467,16 +467,6 @@ size_t hada_graph_saved_at(const graph_plan *plan, int node, int colour)
     return at + 2 * (size_t)plan->nodes[node].channels * (size_t)colour;
 }
 
-static hada_status check_options(const hada_net *net, const hada_graph_options *options, hada_error *err)
-{
-    if (options->images < 1 || options->images > 65536 / net->colours)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net for %d images: 1 to %d can be", options->images,
-                         65536 / net->colours);
-    if (!options->training && (options->weight_gradients || options->input_gradient || options->recompute))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "gradients and recomputation are for training");
-    return HADA_OK;
-}
-
 /* Pieces that share memory with others need their halo cleared each time. */
 static void find_shared(graph_plan *plan)
 {
@@ -511,7 +501,9 @@ hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, 
     plan->images = options->images * net->colours;
     const size_t alignment = context->info.alignment_bytes > 128 ? context->info.alignment_bytes : 128;
     const uint64_t largest = context->info.max_allocation_bytes;
-    HADA_TRY(check_options(net, options, err));
+    if (options->images > 65536 / net->colours)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net for %d images: 1 to %d can be", options->images,
+                         65536 / net->colours);
     HADA_TRY(graph_nodes_make(plan, context, err));
     HADA_TRY(make_steps(plan, err));
     HADA_TRY(hada_lifetimes_plan(plan->pieces, plan->piece_count, alignment,

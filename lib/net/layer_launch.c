@@ -80,26 +80,6 @@ hada_range hada_layer_flat_range(const hada_slot *slot, size_t items, size_t lin
     return hada_range_of(items, hada_slot_in_groups(slot) ? FLAT_LOCAL : 1, lines, 1);
 }
 
-static int possible(const hada_tensor *t)
-{
-    return t->images >= 1 && t->channels >= 1 && t->rows >= 1 && t->cols >= 1 && (t->block == 8 || t->block == 16);
-}
-
-hada_status hada_layer_check(const char *layer, const hada_tensor *x, const hada_tensor *y, int same_shape,
-                             hada_error *err)
-{
-    if (!possible(x) || !possible(y))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "%s: a tensor has at least one image, channel, row and column, in blocks of 8 or 16", layer);
-    if (x->images != y->images || x->block != y->block)
-        return hada_fail(err, HADA_ERROR_SIZE, "%s: %d images in blocks of %d against %d images in blocks of %d", layer,
-                         x->images, x->block, y->images, y->block);
-    if (same_shape && (x->channels != y->channels || x->rows != y->rows || x->cols != y->cols))
-        return hada_fail(err, HADA_ERROR_SIZE, "%s: %d channels of %d x %d against %d channels of %d x %d", layer,
-                         x->channels, x->rows, x->cols, y->channels, y->rows, y->cols);
-    return HADA_OK;
-}
-
 size_t hada_sum_scratch(size_t count)
 {
     size_t floats = 0;

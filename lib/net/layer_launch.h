@@ -1,4 +1,4 @@
-/* What the layers share on the host: tests of shapes, the launch over the pixels of a tensor (kernels/inc_layers.h),
+/* What the layers share on the host: the launch over the pixels of a tensor (kernels/inc_layers.h),
  * sums in a fixed order. Internal. */
 #ifndef HADA_NET_LAYER_LAUNCH_H
 #define HADA_NET_LAYER_LAUNCH_H
@@ -23,11 +23,6 @@ size_t hada_layer_sums_at_most(const hada_tensor *tensor);
 
 /* `items` times `lines` work-items, each doing one thing. */
 hada_range hada_layer_flat_range(const hada_slot *slot, size_t items, size_t lines);
-
-/* Refuses tensors that are empty, of another block than 8 or 16, or (same_shape) of another shape than x. `layer` names
- * the operation in messages. */
-hada_status hada_layer_check(const char *layer, const hada_tensor *x, const hada_tensor *y, int same_shape,
-                             hada_error *err);
 
 /* out = scale * the sum of the first `count` floats of `scratch`, which also has room for hada_sum_scratch() floats
  * behind them. */

@@ -19,15 +19,12 @@ static hada_status check_slope(hada_activation activation, float *slope, hada_er
         *slope = 0.0f;
     else if (activation == HADA_ACTIVATION_LEAKY_RELU && !(*slope >= 0.0f))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a leaky ReLU needs a slope of at least 0, not %g", *slope);
-    else if (activation != HADA_ACTIVATION_LEAKY_RELU && activation != HADA_ACTIVATION_SIGMOID)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no activation %d", (int)activation);
     return HADA_OK;
 }
 
 hada_status hada_activation_forward(hada_slot *slot, hada_activation activation, float slope, const hada_tensor *x,
                                     const hada_tensor *y, hada_error *err)
 {
-    HADA_TRY(hada_layer_check("activation", x, y, 1, err));
     HADA_TRY(check_slope(activation, &slope, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
@@ -40,8 +37,6 @@ hada_status hada_activation_forward(hada_slot *slot, hada_activation activation,
 hada_status hada_activation_backward(hada_slot *slot, hada_activation activation, float slope, const hada_tensor *y,
                                      const hada_tensor *dy, const hada_tensor *dx, hada_error *err)
 {
-    HADA_TRY(hada_layer_check("activation", y, dy, 1, err));
-    HADA_TRY(hada_layer_check("activation", y, dx, 1, err));
     HADA_TRY(check_slope(activation, &slope, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
     const hada_tensor_layout at_y = hada_layout_of(y), at_dy = hada_layout_of(dy), at_dx = hada_layout_of(dx);
@@ -53,7 +48,6 @@ hada_status hada_activation_backward(hada_slot *slot, hada_activation activation
 
 hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, const hada_tensor *y, hada_error *err)
 {
-    HADA_TRY(hada_layer_check("blend", x, y, 1, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     return hada_launch_net_blend(slot, HADA_PROGRAM_OF_LAYER(NET_ELEMENTWISE, slot, x->block), &grid.range, err,
                                  .x = x->mem, .y = y->mem, .at_x = hada_layout_of(x), .at_y = hada_layout_of(y),
@@ -63,9 +57,6 @@ hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, 
 hada_status hada_dropout(hada_slot *slot, float p, uint64_t seed, uint64_t step, const hada_tensor *x,
                          const hada_tensor *y, hada_error *err)
 {
-    HADA_TRY(hada_layer_check("dropout", x, y, 1, err));
-    if (!(p >= 0.0f && p < 1.0f))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "dropout of %g is not possible; it must be from 0 to below 1", p);
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_dropout_draw draw = {.key0 = (cl_uint)seed,
                                     .key1 = (cl_uint)(seed >> 32) ^ (cl_uint)(step >> 32),
@@ -90,52 +81,25 @@ static hada_status place(hada_slot *slot, const hada_tensor *x, const hada_tenso
                                  .span = grid.span, .to = *to);
 }
 
-static hada_status check_channels(const hada_tensor *part, const hada_tensor *whole, int first, hada_error *err)
-{
-    HADA_TRY(hada_layer_check("placing", part, whole, 0, err));
-    if (first < 0 || first > whole->channels - part->channels)
-        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE, "placing: channels %d ... %d of a tensor of %d", first,
-                           first + part->channels - 1, whole->channels));
-    return HADA_OK;
-}
-
 hada_status hada_place(hada_slot *slot, const hada_tensor *x, const hada_tensor *y, int row, int col, int first_channel,
                        int accumulate, hada_error *err)
 {
     const hada_placing to = {row, col, 0, first_channel, x->channels, accumulate};
-    const hada_status status = check_channels(x, y, first_channel, err);
-    return status ? status : place(slot, x, y, &to, err);
+    return place(slot, x, y, &to, err);
 }
 
 hada_status hada_place_backward(hada_slot *slot, const hada_tensor *dy, const hada_tensor *dx, int row, int col,
                                 int first_channel, int accumulate, hada_error *err)
 {
     const hada_placing to = {-row, -col, first_channel, 0, dx->channels, accumulate};
-    const hada_status status = check_channels(dx, dy, first_channel, err);
-    return status ? status : place(slot, dy, dx, &to, err);
+    return place(slot, dy, dx, &to, err);
 }
 
 /* Pooling. */
 
-static hada_status check_pool(hada_pool pool, int size, int stride, const hada_tensor *x, const hada_tensor *y,
-                              hada_error *err)
-{
-    HADA_TRY(hada_layer_check("pooling", x, y, 0, err));
-    if ((pool != HADA_POOL_MAX && pool != HADA_POOL_MEAN) || size < 1 || stride < 1 || size > x->rows || size > x->cols)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "pooling (%d) with windows of %d every %d pixels is not possible on %d x %d", (int)pool, size,
-                         stride, x->rows, x->cols);
-    const int rows = (x->rows - size) / stride + 1, cols = (x->cols - size) / stride + 1;
-    if (y->channels != x->channels || y->rows != rows || y->cols != cols)
-        return hada_fail(err, HADA_ERROR_SIZE, "pooling: %d channels of %d x %d make %d of %d x %d, not %d of %d x %d",
-                         x->channels, x->rows, x->cols, x->channels, rows, cols, y->channels, y->rows, y->cols);
-    return HADA_OK;
-}
-
 hada_status hada_pool_forward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
                               const hada_tensor *y, hada_error *err)
 {
-    HADA_TRY(check_pool(pool, size, stride, x, y, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
     const hada_pool_window windows = {size, stride};
@@ -171,9 +135,6 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
                                const hada_tensor *y, const hada_tensor *dy, const hada_tensor *dx, int accumulate,
                                hada_error *err)
 {
-    HADA_TRY(check_pool(pool, size, stride, x, y, err));
-    HADA_TRY(hada_layer_check("pooling", y, dy, 1, err));
-    HADA_TRY(hada_layer_check("pooling", x, dx, 1, err));
     if (pool == HADA_POOL_MAX && size == 2 && stride == 2)
         return backward_pairs(slot, x, y, dy, dx, accumulate, err);
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
@@ -209,28 +170,19 @@ static int taps_of(hada_resize resize)
 }
 
 /* The kernels compute (2 out + 2) (in + 2) and the like in 32 bits. */
-static int countable(int in, int out)
+static hada_status check_countable(int rows, int cols, int to_rows, int to_cols, hada_error *err)
 {
-    return 2 * ((double)out + 2.0) * ((double)in + 2.0) < (double)INT_MAX;
-}
-
-static hada_status check_resize(hada_resize resize, const hada_tensor *in, const hada_tensor *out, hada_error *err)
-{
-    HADA_TRY(hada_layer_check("resizing", in, out, 0, err));
-    if ((int)resize < HADA_RESIZE_NEAREST || resize > HADA_RESIZE_CUBIC_ALIGNED)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no way %d of resizing", (int)resize);
-    if (in->channels != out->channels)
-        return hada_fail(err, HADA_ERROR_SIZE, "resizing: %d channels against %d", in->channels, out->channels);
-    if (!countable(in->rows, out->rows) || !countable(in->cols, out->cols))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "resizing from %d x %d to %d x %d: too large", in->rows, in->cols,
-                         out->rows, out->cols);
+    if (2 * ((double)to_rows + 2.0) * ((double)rows + 2.0) >= (double)INT_MAX ||
+        2 * ((double)to_cols + 2.0) * ((double)cols + 2.0) >= (double)INT_MAX)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "resizing from %d x %d to %d x %d: too large", rows, cols,
+                         to_rows, to_cols);
     return HADA_OK;
 }
 
 hada_status hada_resize_forward(hada_slot *slot, hada_resize resize, const hada_tensor *x, const hada_tensor *y,
                                 hada_error *err)
 {
-    HADA_TRY(check_resize(resize, x, y, err));
+    HADA_TRY(check_countable(x->rows, x->cols, y->rows, y->cols, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
     const hada_program_net_resize program = HADA_PROGRAM_OF_LAYER(NET_RESIZE, slot, x->block);
@@ -257,11 +209,7 @@ hada_status hada_resize_planes(hada_slot *slot, const hada_planes *from, const h
     const hada_program_net_planes program = groups ? HADA_PROGRAM_NET_PLANES_WIDE1 : HADA_PROGRAM_NET_PLANES_DEFAULT;
     const hada_planes_sizes sizes = {from->rows, from->cols, to->rows, to->cols, channels, tall};
     const size_t wide = (size_t)hada_macros_of_net_planes(program)->planes_wide;
-    if (images < 1 || channels < 1 || from->rows < 1 || from->cols < 1 || to->rows < 1 || to->cols < 1)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "resizing: planes have at least one image, channel, row and column");
-    if (!countable(from->rows, to->rows) || !countable(from->cols, to->cols))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "resizing from %d x %d to %d x %d: too large", from->rows,
-                         from->cols, to->rows, to->cols);
+    HADA_TRY(check_countable(from->rows, from->cols, to->rows, to->cols, err));
     const hada_range range =
         hada_range_of(hada_divide_up((size_t)to->cols, wide), groups ? PLANES_LOCAL : 1,
                       hada_divide_up((size_t)to->rows, (size_t)tall), (size_t)images * (size_t)channels);
@@ -273,7 +221,7 @@ hada_status hada_resize_planes(hada_slot *slot, const hada_planes *from, const h
 hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada_tensor *dy, const hada_tensor *dx,
                                  int accumulate, hada_error *err)
 {
-    HADA_TRY(check_resize(resize, dx, dy, err));
+    HADA_TRY(check_countable(dx->rows, dx->cols, dy->rows, dy->cols, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, dx, dx->rows, dx->cols);
     return hada_launch_net_resize_backward(slot, HADA_PROGRAM_OF_LAYER(NET_RESIZE, slot, dx->block), &grid.range, err,
                                            .dy = dy->mem, .dx = dx->mem, .at_dy = hada_layout_of(dy),
@@ -311,20 +259,9 @@ static hada_linear_layout linear_layout(const hada_linear *shape, hada_floats w,
                                 .has_bias = bias.mem != NULL};
 }
 
-static hada_status check_linear(const hada_linear *shape, hada_error *err)
-{
-    if (shape->images < 1 || shape->in < 1 || shape->out < 1)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "a fully connected layer of %d inputs and %d outputs for %d images "
-                         "is not possible",
-                         shape->in, shape->out, shape->images);
-    return HADA_OK;
-}
-
 hada_status hada_linear_forward(hada_slot *slot, const hada_linear *shape, hada_floats w, hada_floats bias,
                                 hada_floats x, hada_floats y, hada_error *err)
 {
-    HADA_TRY(check_linear(shape, err));
     const hada_range range = hada_range_groups(hada_divide_up((size_t)shape->out, HADA_LINEAR_OUTPUTS), group_of(slot),
                                                lines_of(slot, shape), 1);
     return hada_launch_net_linear_forward(slot, hada_program_net_linear_of(slot), &range, err, .w = w.mem,
@@ -335,7 +272,6 @@ hada_status hada_linear_forward(hada_slot *slot, const hada_linear *shape, hada_
 hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape, hada_floats w, hada_floats dy,
                                       hada_floats dx, hada_error *err)
 {
-    HADA_TRY(check_linear(shape, err));
     const size_t columns = hada_slot_in_groups(slot) ? 1 : HADA_LINEAR_COLUMNS;
     const hada_range range =
         hada_range_of(hada_divide_up((size_t)shape->in, columns), group_of(slot), lines_of(slot, shape), 1);
@@ -346,7 +282,6 @@ hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape,
 hada_status hada_linear_backward_weights(hada_slot *slot, const hada_linear *shape, hada_floats x, hada_floats dy,
                                          hada_floats dw, hada_floats dbias, int accumulate, hada_error *err)
 {
-    HADA_TRY(check_linear(shape, err));
     const int run = hada_slot_in_groups(slot) ? 1 : RUN;
     const hada_program_net_linear program = hada_program_net_linear_of(slot);
     const hada_linear_layout at = linear_layout(shape, dw, dbias, x, dy);

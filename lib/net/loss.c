@@ -15,20 +15,6 @@ size_t hada_loss_scratch(const hada_tensor *x)
     return (sums + hada_sum_scratch(sums)) * sizeof(float);
 }
 
-static hada_status check_loss(const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
-                              const hada_tensor *dx, hada_error *err)
-{
-    if ((int)desc->loss < HADA_LOSS_MSE || desc->loss > HADA_LOSS_TV_SQUARED)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no loss %d", (int)desc->loss);
-    const int alone = desc->loss == HADA_LOSS_TV || desc->loss == HADA_LOSS_TV_SQUARED;
-    if (alone != !target)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, alone ? "total variation has no target" : "the loss needs a target");
-    HADA_TRY(hada_layer_check("loss", x, target ? target : x, 1, err));
-    if (dx)
-        HADA_TRY(hada_layer_check("gradient of the loss", x, dx, 1, err));
-    return HADA_OK;
-}
-
 /* Value by value: mean of squares, of absolute values, of logits' entropies. */
 static hada_status by_value(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x,
                             const hada_tensor *target, const hada_tensor *dx, int accumulate,
@@ -61,7 +47,6 @@ static hada_status variation(hada_slot *slot, const hada_loss_desc *desc, const 
 hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
                           hada_floats value, const hada_tensor *dx, int accumulate, cl_mem scratch, hada_error *err)
 {
-    HADA_TRY(check_loss(desc, x, target, dx, err));
     const hada_layer_grid grid = hada_layer_sum_grid_of(slot, x);
     double count = values_of(x);
     if (target) {

@@ -19,23 +19,10 @@ size_t hada_optimizer_state_floats(const hada_optimizer_desc *desc, size_t count
     return (desc->optimizer == HADA_OPTIMIZER_RMSPROP ? 1 : 2) * count;
 }
 
-static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t step, double rate, size_t count,
-                                   hada_error *err)
+/* Places in an array are counted in 32 bits. */
+static int countable(size_t count)
 {
-    if ((int)desc->optimizer < HADA_OPTIMIZER_RMSPROP || desc->optimizer > HADA_OPTIMIZER_ADAM)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no optimiser %d", (int)desc->optimizer);
-    if (!step || !count || count > UINT_MAX - HADA_OPTIMIZER_RUN)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "step %llu on %zu parameters: steps count from 1, and an array holds "
-                         "1 to 4 thousand million",
-                         (unsigned long long)step, count);
-    if (!(rate >= 0.0 && isfinite(rate)))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a learning rate of %g is not possible", rate);
-    if (!isfinite(desc->scale))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a gradient cannot be scaled by %g", desc->scale);
-    if (!(desc->eps > 0.0 && isfinite(desc->eps)))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "eps must be above 0, not %g", desc->eps);
-    return HADA_OK;
+    return count <= UINT_MAX - HADA_OPTIMIZER_RUN;
 }
 
 static size_t row_items(const hada_slot *slot)
@@ -65,7 +52,11 @@ hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc
     const hada_range range = runs_range(slot, count);
     const hada_program_net_optimizer program = hada_program_net_optimizer_of(slot);
     const hada_update_layout at = update_of(desc, gradient, parameters, state, count);
-    HADA_TRY(check_optimizer(desc, step, rate, count, err));
+    if (!countable(count))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "step %llu on %zu parameters: steps count from 1, and an array holds "
+                         "1 to 4 thousand million",
+                         (unsigned long long)step, count);
     if (desc->optimizer == HADA_OPTIMIZER_RMSPROP) {
         const hada_rmsprop rule = {.rate = (cl_float)rate,
                                    .decay = (cl_float)HADA_RMSPROP_DECAY,
@@ -104,7 +95,7 @@ hada_status hada_gradient_squares(hada_slot *slot, const hada_gradient_part *par
 {
     size_t sums = 0; /* of all parts, one after the other */
     for (int i = 0; i < part_count; i++)
-        if (!parts[i].count || parts[i].count > UINT_MAX - HADA_OPTIMIZER_RUN)
+        if (!countable(parts[i].count))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "the norm of %zu values is not possible", parts[i].count);
     for (int i = 0; i < part_count; i++) {
         const hada_range range = runs_range(slot, parts[i].count);

@@ -30,7 +30,7 @@ void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimize
 /* Floats of state for `count` parameters: RMSprop v; Adam m, then v. */
 size_t hada_optimizer_state_floats(const hada_optimizer_desc *desc, size_t count);
 
-/* One step on `count` parameters; step counts from 1. Nothing is written where an argument is refused. */
+/* One step on `count` parameters; step counts from 1. */
 hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc, uint64_t step, double rate,
                                 hada_floats gradient, hada_floats parameters, hada_floats state, size_t count,
                                 hada_error *err);

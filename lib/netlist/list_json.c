@@ -249,7 +249,7 @@ hada_status hada_net_create_within(hada_net **out, const char *description, uint
         return hada_fail(err, HADA_ERROR_MODEL, "the net's description is not JSON: %s at its byte %d", why.text,
                          why.position);
     HADA_TRY_OR_DONE(read_list(out, root, most, err));
-    HADA_TRY_OR_DONE(hada_net_init(*out, seed, err));
+    hada_net_init(*out, seed);
 done:
     json_decref(root);
     if (status)

@@ -373,9 +373,8 @@ static void draw(const hada_parameter *parameter, int rectified, uint64_t seed, 
             (float)(rectified ? normal * hada_random_normal(&random) : hada_random_range(&random, -bound, bound));
 }
 
-hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
+void hada_net_init(hada_net *net, uint64_t seed)
 {
-    (void)err;
     for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         const hada_layer *layer = &net->layers[parameter->layer];
@@ -390,7 +389,6 @@ hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
         for (size_t k = 0; k < parameter->count; k++)
             values[k] = one ? 1.0f : 0.0f;
     }
-    return HADA_OK;
 }
 
 const hada_net_info *hada_net_get_info(const hada_net *net)

@@ -119,7 +119,7 @@ hada_status hada_net_finish(hada_net *net, hada_error *err);
 hada_layer hada_layer_of(hada_layer_kind kind, const char *name, int input);
 
 /* First values: Kaiming for weights, PyTorch's own where no activation follows, 1 and 0 for batch norms. */
-hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err);
+void hada_net_init(hada_net *net, uint64_t seed);
 
 /* Pixels that each layer gives (count pairs) for an input of rows x cols; HADA_ERROR_SIZE where nothing is left. */
 typedef struct hada_size {

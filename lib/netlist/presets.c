@@ -154,7 +154,7 @@ hada_status hada_net_create_unet(hada_net **out, const hada_unet_options *option
     hada_status status = HADA_OK;
     HADA_NEED(out && options, err);
     HADA_TRY_OR_DONE(unet_make(out, options, err));
-    HADA_TRY_OR_DONE(hada_net_init(*out, seed, err));
+    hada_net_init(*out, seed);
 done:
     if (status)
         hada_net_destroy(out);

@@ -156,7 +156,7 @@ static hada_status train_nets_make(hada_train_nets *nets, const hada_train_optio
         HADA_TRY_OR_DONE(make_net(&nets->net, options, model, err));
     if (hada_stage_has_discriminator(options)) {
         HADA_TRY_OR_DONE(hada_discriminator_make(&nets->discriminator, options->discriminator, channels, err));
-        HADA_TRY_OR_DONE(hada_net_init(nets->discriminator, options->seed, err));
+        hada_net_init(nets->discriminator, options->seed);
     }
     if (options->perceptual > 0.0)
         HADA_TRY_OR_DONE(load_vgg(&nets->vgg, options, channels, err));

@@ -235,7 +235,8 @@ static hada_status forward_launch(check_state *state, hada_error *err)
         const hada_tensor part_y = hada_tensor_images(&y, n, count);
         const hada_tensor part_pooled = hada_tensor_images(&pooled, n, count);
         const hada_floats bias = {check_get(state, 'b', 1) ? own->bias.mem : NULL, 0};
-        HADA_TRY(hada_conv_forward(own->conv, &part_x, bias, &part_y, own->pooled.channels ? &part_pooled : NULL, err));
+        HADA_TRY(hada_conv_forward(own->conv, &part_x, NULL, bias, &part_y, own->pooled.channels ? &part_pooled : NULL,
+                                   err));
     }
     return HADA_OK;
 }

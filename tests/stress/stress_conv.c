@@ -61,7 +61,7 @@ static void convolve(const stress_device *device, const method *m, int rows, int
                       to = {y_planar.mem, 0, outputs, area, (size_t)cols};
     ASSERT_OK(hada_tensor_load(device->slot, &from, &tx, err));
     ASSERT_OK(hada_conv_set_weights(conv, (hada_floats){w_buffer.mem, 0}, err));
-    ASSERT_OK(hada_conv_forward(conv, &tx, (hada_floats){0}, &ty, NULL, err));
+    ASSERT_OK(hada_conv_forward(conv, &tx, NULL, (hada_floats){0}, &ty, NULL, err));
     ASSERT_OK(hada_tensor_store(device->slot, &ty, &to, err));
     ASSERT_OK(hada_buffer_read(&y_planar, device->slot, 0, got, outputs * sizeof *got, err));
     hada_ref_conv_to_coarse(&shape, w, x, want);

@@ -195,56 +195,17 @@ TEST(what_does_not_fit_is_refused)
 {
     net_device *device = *state;
     hada_slot *slot = device->slot;
-    hada_error error;
     const int block = hada_net_block(device->context);
     owned x = make(device, block, usual, 1.0f, 0.0f, 1), y = make(device, block, usual, 1.0f, 0.0f, 2);
     const hada_tensor *in = &x.tensor, *out = &y.tensor;
-    hada_tensor few = *out, flat = *out, one = *out, odd = *out;
-    few.channels = 3;
-    flat.rows = 0;
-    one.images = 1;
-    odd.block = 24 - block;
-    const hada_floats floats = {x.buffer.mem, 0};
-    const hada_loss_desc mse = {HADA_LOSS_MSE, 1.0f}, tv = {HADA_LOSS_TV, 1.0f};
-    const hada_loss_desc none = {(hada_loss)17, 1.0f};
     const cl_mem mem = x.buffer.mem;
     const hada_batch_norm norm = {{mem, 0}, {mem, 0}, {mem, 0}, {mem, 0}, 1e-5f, 0.1f};
     hada_tensor point = *out;
     point.images = point.rows = point.cols = 1;
-    const hada_linear nothing = {1, 0, 4};
-#define REFUSED(call)                                                                                                  \
-    do {                                                                                                               \
-        error.message[0] = '\0';                                                                                       \
-        if ((call) == HADA_OK || !error.message[0])                                                                    \
-            fail_msg("not refused, or without a word: %s", #call);                                                     \
-    } while (0)
-    REFUSED(hada_activation_forward(slot, HADA_ACTIVATION_RELU, 0.0f, in, &few, &error));
-    REFUSED(hada_activation_forward(slot, HADA_ACTIVATION_RELU, 0.0f, in, &flat, &error));
-    REFUSED(hada_activation_forward(slot, HADA_ACTIVATION_RELU, 0.0f, in, &one, &error));
-    REFUSED(hada_activation_forward(slot, HADA_ACTIVATION_RELU, 0.0f, in, &odd, &error));
-    REFUSED(hada_activation_forward(slot, HADA_ACTIVATION_LEAKY_RELU, -0.5f, in, out, &error));
-    REFUSED(hada_activation_forward(slot, (hada_activation)9, 0.0f, in, out, &error));
-    REFUSED(hada_activation_backward(slot, HADA_ACTIVATION_RELU, 0.0f, in, out, &few, &error));
-    REFUSED(hada_blend(slot, 1.0f, in, 1.0f, &few, &error));
-    REFUSED(hada_pool_forward(slot, HADA_POOL_MAX, 2, 2, in, out, &error));
-    REFUSED(hada_pool_forward(slot, HADA_POOL_MAX, 10, 2, in, out, &error));
-    REFUSED(hada_pool_forward(slot, HADA_POOL_MEAN, 1, 0, in, out, &error));
-    REFUSED(hada_pool_backward(slot, HADA_POOL_MEAN, 1, 1, in, out, &few, out, 0, &error));
-    REFUSED(hada_resize_forward(slot, HADA_RESIZE_LINEAR, in, &few, &error));
-    REFUSED(hada_resize_forward(slot, (hada_resize)9, in, out, &error));
-    REFUSED(hada_resize_backward(slot, HADA_RESIZE_CUBIC, &few, out, 0, &error));
-    REFUSED(hada_place(slot, in, out, 0, 0, 1, 0, &error));
-    REFUSED(hada_place(slot, in, out, 0, 0, -1, 0, &error));
-    REFUSED(hada_place_backward(slot, in, &few, 0, 0, 9, 0, &error));
-    REFUSED(hada_batch_norm_infer(slot, &norm, in, &few, &error));
-    REFUSED(hada_batch_norm_train(slot, &norm, &point, &point, (hada_floats){mem, 0}, mem, &error));
-    REFUSED(hada_dropout(slot, 1.0f, 0, 0, in, out, &error));
-    REFUSED(hada_dropout(slot, -0.1f, 0, 0, in, out, &error));
-    REFUSED(hada_linear_forward(slot, &nothing, floats, floats, floats, floats, &error));
-    REFUSED(hada_loss_run(slot, &mse, in, NULL, floats, NULL, 0, mem, &error));
-    REFUSED(hada_loss_run(slot, &mse, in, &few, floats, NULL, 0, mem, &error));
-    REFUSED(hada_loss_run(slot, &tv, in, in, floats, NULL, 0, mem, &error));
-    REFUSED(hada_loss_run(slot, &none, in, out, floats, NULL, 0, mem, &error));
+    ASSERT_FAILS(hada_activation_forward(slot, HADA_ACTIVATION_LEAKY_RELU, -0.5f, in, out, err), HADA_ERROR_ARGUMENT,
+                 "slope");
+    ASSERT_FAILS(hada_batch_norm_train(slot, &norm, &point, &point, (hada_floats){mem, 0}, mem, err), HADA_ERROR_SIZE,
+                 "one value per channel");
     const size_t bytes = hada_ref_values(&usual) * sizeof(float);
     float *before = malloc(bytes);
     memcpy(before, y.values, bytes);

@@ -220,20 +220,4 @@ TEST(rates)
     assert_true(fabs(hada_train_rate(&options, 9) - 0.625) < 1e-12);
 }
 
-TEST(what_makes_no_sense_is_refused)
-{
-    net_device *device = *state;
-    trainee t = begin(device, HADA_OPTIMIZER_ADAM);
-    const hada_floats p = {t.parameters.mem, 0};
-    hada_optimizer_desc desc = t.desc;
-    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 0, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
-    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, NAN, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
-    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 0, err), HADA_ERROR_ARGUMENT, "");
-    desc.eps = 0.0;
-    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
-    const hada_gradient_part nothing = {p, 0};
-    ASSERT_FAILS(hada_gradient_squares(device->slot, &nothing, 1, p, p.mem, err), HADA_ERROR_ARGUMENT, "");
-    end(&t);
-}
-
 FIXTURE(net_device_open, net_device_close)

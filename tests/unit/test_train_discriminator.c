@@ -63,7 +63,7 @@ static void begin(player *p, const net_device *device, hada_stage stage, const c
     p->options.adversarial = stage == HADA_STAGE_ADVERSARIAL ? 8e-3 : 0.0;
     if (discriminator) {
         ASSERT_OK(hada_discriminator_make(&p->discriminator, discriminator, 1, err));
-        ASSERT_OK(hada_net_init(p->discriminator, 1, err));
+        hada_net_init(p->discriminator, 1);
     }
     const hada_replica_desc desc = {
         .model = p->model, .options = &p->options, .net = p->net, .discriminator = p->discriminator, .at_once = COUNT};

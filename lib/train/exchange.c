@@ -93,7 +93,7 @@ static hada_status add_part(hada_workers *workers, int worker, void *user, hada_
     hada_worker *own = &workers->worker[worker];
     const size_t shares = (size_t)workers->count;
     const int shared = what->group < HADA_GROUP_FILTERS;
-    hada_part part = hada_parameters_part(hada_worker_parameters(own), what->group);
+    hada_part part = hada_worker_parameters(own)->group[what->group].part;
     float sums[RUN];
     (void)err;
     if (!shared) {
@@ -130,7 +130,7 @@ static hada_status reduce_gradient(hada_workers *workers, const exchange *what, 
     for (int w = 0; w < (shared ? workers->count : 1); w++) {
         hada_worker *own = &workers->worker[w];
         hada_parameters *parameters = hada_worker_parameters(own);
-        const hada_part part = shared ? hada_parameters_part(parameters, what->group)
+        const hada_part part = shared ? parameters->group[what->group].part
                                       : (hada_part){0, hada_parameters_floats(parameters, what->group, what->content)};
         if (what->group == HADA_GROUP_NET && buckets->full)
             memcpy(own->values, buckets->values, part.count * sizeof *own->values);
@@ -163,7 +163,7 @@ hada_status hada_exchange_gradients(hada_workers *workers, int group, double *sq
 static void take_parts(hada_workers *workers, int worker, int group)
 {
     for (int w = 0; w < workers->count; w++) {
-        const hada_part part = hada_parameters_part(hada_worker_parameters(&workers->worker[w]), group);
+        const hada_part part = hada_worker_parameters(&workers->worker[w])->group[group].part;
         if (w != worker)
             memcpy(workers->worker[worker].values + part.first, workers->worker[w].values + part.first,
                    part.count * sizeof(float));

@@ -227,9 +227,6 @@ hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_e
     hada_feed *feed = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    if (desc->ahead < 1 || !hada_pairs_total(desc->pairs))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs at least one pair, and room for it");
-    HADA_TRY_OR_DONE(hada_augment_check(&desc->augment, desc->info, err));
     HADA_TRY_OR_DONE(HADA_NEW(feed, 1, "the pairs to read", err));
     feed->desc = *desc;
     feed->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
@@ -275,8 +272,6 @@ void hada_feed_destroy(hada_feed **pointer)
 
 hada_status hada_feed_take(hada_feed *feed, int count, hada_fed **out, hada_error *err)
 {
-    if (count < 1 || count > feed->desc.ahead)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "%d pairs at once; the feed keeps %d", count, feed->desc.ahead);
     hada_status status = HADA_OK;
     pthread_mutex_lock(&feed->lock);
     release(feed);

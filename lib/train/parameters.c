@@ -124,16 +124,6 @@ void hada_parameters_destroy(hada_parameters *parameters)
     free(parameters->group);
 }
 
-static int has_group(const hada_parameters *parameters, int group)
-{
-    return group >= 0 && group < parameters->count && parameters->group[group].trained;
-}
-
-static hada_status no_group(int group, hada_error *err)
-{
-    return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no group %d of parameters", group);
-}
-
 static hada_buffer *content_of(const hada_parameters *parameters, int group, hada_content content)
 {
     hada_parameter_group *it = &parameters->group[group];
@@ -149,18 +139,11 @@ static size_t row_major(const hada_parameters *parameters)
 
 size_t hada_parameters_floats(const hada_parameters *parameters, int group, hada_content content)
 {
-    if (!has_group(parameters, group))
-        return 0;
     const hada_parameter_group *it = &parameters->group[group];
     const size_t floats = content == HADA_CONTENT_VALUES     ? it->floats
                           : content == HADA_CONTENT_GRADIENT ? it->trained
                                                              : hada_optimizer_state_floats(&it->rule, it->trained);
     return group < HADA_GROUP_FILTERS ? floats : floats / parameters->layout.count * row_major(parameters);
-}
-
-hada_part hada_parameters_part(const hada_parameters *parameters, int group)
-{
-    return has_group(parameters, group) ? parameters->group[group].part : (hada_part){0, 0};
 }
 
 void hada_parameters_clear(hada_parameters *parameters)
@@ -237,8 +220,6 @@ done:
 hada_status hada_parameters_update(hada_parameters *parameters, int group, uint64_t step, double rate, double scale,
                                    hada_error *err)
 {
-    if (!has_group(parameters, group))
-        return no_group(group, err);
     hada_parameter_group *it = &parameters->group[group];
     hada_optimizer_desc rule = it->rule;
     rule.scale = scale;
@@ -303,8 +284,6 @@ static hada_status write_state(hada_parameters *parameters, hada_parameter_group
 hada_status hada_parameters_read(hada_parameters *parameters, int group, hada_content content, float *out,
                                  hada_error *err)
 {
-    if (!has_group(parameters, group))
-        return no_group(group, err);
     hada_buffer *buffer = content_of(parameters, group, content);
     if (content == HADA_CONTENT_GRADIENT)
         HADA_TRY(hada_parameters_settle(parameters, group, err));
@@ -316,8 +295,6 @@ hada_status hada_parameters_read(hada_parameters *parameters, int group, hada_co
 hada_status hada_parameters_write(hada_parameters *parameters, int group, hada_content content, const float *values,
                                   hada_error *err)
 {
-    if (!has_group(parameters, group))
-        return no_group(group, err);
     hada_parameter_group *it = &parameters->group[group];
     hada_buffer *buffer = content_of(parameters, group, content);
     it->version += content == HADA_CONTENT_VALUES;
@@ -334,8 +311,6 @@ hada_status hada_parameters_open(hada_parameters *parameters, int group, hada_co
 {
     void *mapped = room;
     *values = NULL;
-    if (!has_group(parameters, group))
-        return no_group(group, err);
     hada_buffer *buffer = content_of(parameters, group, content);
     if (content == HADA_CONTENT_GRADIENT)
         HADA_TRY(hada_parameters_settle(parameters, group, err));

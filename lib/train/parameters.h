@@ -34,7 +34,6 @@ void hada_parameters_destroy(hada_parameters *parameters);
 /* VALUES of a net are its parameters with the running statistics of batch norms behind them. STATE: of all shares. In
  * floats of the model's order; 0 where the stage has no such group. */
 size_t hada_parameters_floats(const hada_parameters *parameters, int group, hada_content content);
-hada_part hada_parameters_part(const hada_parameters *parameters, int group);
 
 static inline hada_floats hada_parameters_values(const hada_parameters *parameters, int group)
 {

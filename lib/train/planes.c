@@ -317,10 +317,6 @@ static hada_status make_sum(hada_planes *planes, const hada_composed *composed, 
 hada_status hada_planes_make(hada_planes *planes, int depth, hada_image *raw, const hada_composed *composed,
                              hada_image *out, hada_error *err)
 {
-    const hada_model_info *info = planes->info;
-    if (depth < 0 || depth >= info->depths)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
-    HADA_TRY(hada_frame_check_size(info, &hada_frame_plain, raw->channels, raw->rows, raw->cols, err));
     for (int i = 0; i < composed->count; i++)
         if (composed->light[i].data)
             HADA_TRY(add_light(&planes->light, planes->bank, composed->depth[i], &composed->light[i], raw, err));

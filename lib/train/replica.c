@@ -284,23 +284,6 @@ void hada_replica_share(hada_replica *replica, hada_buckets *buckets)
         hada_graph_watch(replica->generator.training, buckets ? buckets_ready : NULL, buckets);
 }
 
-static hada_status check_samples(const hada_replica_shape *shape, const hada_sample *samples, int count, int scenes,
-                                 hada_error *err)
-{
-    if (count < 1 || count > shape->at_once)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "training: %d pairs of at most %d at once", count, shape->at_once);
-    for (int i = 0; i < count; i++) {
-        const hada_sample *sample = &samples[i];
-        if (shape->filters && (sample->depth < 0 || sample->depth >= shape->depths))
-            return hada_fail(err, HADA_ERROR_ARGUMENT, "training: a pair of depth %d of %d", sample->depth,
-                             shape->depths);
-        if (hada_image_count(sample->input) != (shape->filters ? shape->frame : shape->input) ||
-            (scenes && hada_image_count(sample->scene) != shape->plane))
-            return hada_fail(err, HADA_ERROR_SIZE, "training: an image of another size than the model's");
-    }
-    return HADA_OK;
-}
-
 /* `count` samples: frames refocused, or planes as they are; scenes. */
 static hada_status take_samples(hada_replica *replica, const hada_sample *samples, int count, hada_error *err)
 {
@@ -362,9 +345,6 @@ hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samp
     hada_buffer *buffer = &replica->images.place[HADA_STEP_TERMS];
     const hada_losses_call call = {samples, count, weight, step, discriminator_only};
     float values[HADA_TERM_COUNT] = {0.0f};
-    HADA_TRY(check_samples(&replica->shape, samples, count, 1, err));
-    if (discriminator_only && !replica->shape.has_discriminator)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no discriminator");
     HADA_TRY(hada_buffer_clear(buffer, slot, 0, sizeof values, err));
     HADA_TRY(replica->shape.net ? filled_step(replica, call, err)
                                 : filters_alone(replica, samples, count, weight, touched, err));
@@ -404,7 +384,6 @@ hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sampl
     hada_step_images *images = &replica->images;
     const hada_replica_shape *shape = &replica->shape;
     const size_t bytes = shape->plane * sizeof(float);
-    HADA_TRY(check_samples(shape, sample, 1, 0, err));
     HADA_TRY(hada_image_ensure(after, shape->channels, shape->rows, shape->cols, err));
     if (before)
         HADA_TRY(hada_image_ensure(before, shape->channels, shape->rows, shape->cols, err));

@@ -62,29 +62,9 @@ hada_tensor hada_step_features(const hada_context *context, const hada_replica_s
                           shape->features.cols);
 }
 
-static hada_status check(const hada_replica_desc *desc, hada_error *err)
+static hada_status output_size(const hada_net *net, const char *what, int rows, int cols, hada_size *out,
+                               hada_error *err)
 {
-    const hada_train_options *options = desc->options;
-    const hada_stage stage = options->stage;
-    if (desc->at_once < 1)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "training with %d pairs at once is not possible", desc->at_once);
-    if (!desc->model || (stage != HADA_STAGE_FILTERS && !desc->net) ||
-        (stage == HADA_STAGE_ADVERSARIAL && !desc->discriminator))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs a model%s",
-                         stage == HADA_STAGE_FILTERS       ? ""
-                         : stage == HADA_STAGE_ADVERSARIAL ? ", a net and a discriminator"
-                                                           : " and a net");
-    return HADA_OK;
-}
-
-/* The net gives images like those that it takes, and which channels the others take fits. */
-static hada_status check_net(const hada_net *net, const char *what, int channels, int rows, int cols, hada_size *out,
-                             hada_error *err)
-{
-    const hada_net_info *info = hada_net_get_info(net);
-    if (info->channels != channels)
-        return hada_fail(err, HADA_ERROR_MODEL, "the %s takes %d channel(s), but images have %d", what, info->channels,
-                         channels);
     const hada_status status = hada_net_output_size(net, rows, cols, out, err);
     if (status)
         hada_error_prefix(err, "the %s: ", what);
@@ -139,8 +119,8 @@ static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *
                          "the net sees the other planes beside its own, at the window's size alone: leave "
                          "options.net_size, or train a new net (options.net)");
     shape->input = shape->plane << others;
-    HADA_TRY(check_net(desc->net, "net", shape->channels << others, shape->net_rows, shape->net_cols, &out, err));
-    if (info->out_channels != shape->channels || out.rows != shape->net_rows || out.cols != shape->net_cols)
+    HADA_TRY(output_size(desc->net, "net", shape->net_rows, shape->net_cols, &out, err));
+    if (out.rows != shape->net_rows || out.cols != shape->net_cols)
         return hada_fail(err, HADA_ERROR_MODEL, "the net makes %d channel(s) of %d x %d pixels of %d of %d x %d",
                          info->out_channels, out.rows, out.cols, shape->channels, shape->net_rows, shape->net_cols);
     shape->training = (hada_graph_options){.images = shape->at_once,
@@ -163,22 +143,10 @@ static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape
                                         .recompute = desc->options->recompute};
     shape->discriminator = shape->vgg_graph = options;
     shape->discriminator.weight_gradients = 1;
-    if (shape->has_discriminator) {
-        const hada_net_info *info = hada_net_get_info(desc->discriminator);
-        HADA_TRY(check_net(desc->discriminator, "discriminator", shape->channels, shape->rows, shape->cols,
-                           &shape->logits, err));
-        if (info->out_channels != 1)
-            return hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one channel of logits, not %d",
-                             info->out_channels);
-    }
-    if (shape->vgg) {
-        if (shape->channels != 1 && shape->channels != 3)
-            return hada_fail(err, HADA_ERROR_MODEL,
-                             "the perceptual loss takes images of one or three channels, not %d: leave it out",
-                             shape->channels);
-        HADA_TRY(
-            check_net(desc->vgg, "net of the perceptual loss", 3, shape->rows, shape->cols, &shape->features, err));
-    }
+    if (shape->has_discriminator)
+        HADA_TRY(output_size(desc->discriminator, "discriminator", shape->rows, shape->cols, &shape->logits, err));
+    if (shape->vgg)
+        HADA_TRY(output_size(desc->vgg, "net of the perceptual loss", shape->rows, shape->cols, &shape->features, err));
     return HADA_OK;
 }
 
@@ -274,7 +242,6 @@ static void base_shape(const hada_replica_desc *desc, hada_replica_shape *shape)
 hada_status hada_replica_shape_of(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape,
                                   hada_error *err)
 {
-    HADA_TRY(check(desc, err));
     base_shape(desc, shape);
     if (shape->filters) {
         HADA_TRY(filter_shape(context, desc, shape, err));

@@ -52,9 +52,9 @@ TEST(devices_may_be_more_or_fewer)
         for (int group = HADA_GROUP_NET; group <= HADA_GROUP_DISCRIMINATOR; group++) {
             const size_t all =
                 hada_parameters_floats(hada_worker_parameters(one->workers.worker), group, HADA_CONTENT_GRADIENT);
-            const hada_part whole = hada_parameters_part(hada_worker_parameters(one->workers.worker), group);
-            const hada_part first = hada_parameters_part(hada_worker_parameters(&two->workers.worker[0]), group);
-            const hada_part second = hada_parameters_part(hada_worker_parameters(&two->workers.worker[1]), group);
+            const hada_part whole = hada_worker_parameters(one->workers.worker)->group[group].part;
+            const hada_part first = hada_worker_parameters(&two->workers.worker[0])->group[group].part;
+            const hada_part second = hada_worker_parameters(&two->workers.worker[1])->group[group].part;
             assert_true(whole.first == 0 && whole.count == all && first.first == 0);
             assert_true(second.first == first.count && first.count + second.count == all);
             assert_true(!all || (first.count > all / 3 && second.count > all / 3));

@@ -222,40 +222,12 @@ TEST(what_does_not_fit_is_refused)
     net_device *device = *state;
     SCOPED(hada_model) *model = model_of(&cases[1]);
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
-    hada_replica_desc desc = {.model = model, .options = &options, .at_once = 0};
-    SCOPED(hada_replica) * replica;
+    hada_replica_desc desc = {.model = model, .options = &options, .at_once = 2};
     size_t bytes;
-    ASSERT_FAILS(hada_replica_create(&replica, device->slot, &desc, err), HADA_ERROR_ARGUMENT, "");
-    assert_null(replica);
-    desc.at_once = 2;
     options.form = HADA_FORM_COMPLEX; /* the model is split */
     ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "split");
     options.form = HADA_FORM_WIENER;
     ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
-    options.form = HADA_FORM_SPLIT;
-    options.stage = HADA_STAGE_ENHANCE; /* without a net */
-    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
-    options.stage = HADA_STAGE_FILTERS;
-    replica = train_replica(device, &desc);
-    train_pairs pairs;
-    hada_terms terms;
-    train_pairs_make(&pairs, hada_model_get_info(model), 1);
-    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 3, 1.0, 1, 0, &terms, NULL, err), HADA_ERROR_ARGUMENT,
-                 "");
-    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 1, &terms, NULL, err), HADA_ERROR_ARGUMENT,
-                 "");
-    pairs.samples[0].depth = TRAIN_DEPTHS;
-    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, err), HADA_ERROR_ARGUMENT,
-                 "");
-    pairs.samples[0].depth = 0;
-    pairs.samples[0].input = &pairs.scene[0];
-    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, err), HADA_ERROR_SIZE, "");
-    ASSERT_FAILS(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_NET, 1, 1.0, 1.0, err),
-                 HADA_ERROR_ARGUMENT, "");
-    ASSERT_FAILS(
-        hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_FILTERS + TRAIN_DEPTHS, 1, 1.0, 1.0, err),
-        HADA_ERROR_ARGUMENT, "");
-    train_pairs_free(&pairs);
 }
 
 FIXTURE(net_device_open, net_device_close)

@@ -70,27 +70,4 @@ TEST(dropout_follows_the_step)
     run_free(&run);
 }
 
-TEST(nets_that_do_not_fit_are_refused)
-{
-    net_device *device = *state;
-    replica_run run;
-    size_t bytes;
-    run_make(&run, &train_cases[5]);
-    hada_replica_desc desc = run.desc;
-    desc.net = run.vgg; /* gives nine channels */
-    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "");
-    desc = run.desc;
-    desc.discriminator = run.net;
-    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "");
-    desc.discriminator = NULL;
-    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
-    run_free(&run);
-    run_make(&run, &train_cases[0]);
-    desc = run.desc;
-    ASSERT_OK(hada_net_create_preset(&run.vgg, "compact", 3, 1, err));
-    desc.vgg = run.vgg; /* two channels are no colours */
-    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "");
-    run_free(&run);
-}
-
 FIXTURE(net_device_open, net_device_close)

@@ -266,6 +266,30 @@ static hada_status put_components(hada_tensors_writer *writer, const hada_model_
         err);
 }
 
+/* The numbers of an info that stand under keys of their own. */
+typedef struct number {
+    const char *key;
+    double *value;
+} number;
+enum { NUMBERS = 12, NUMBERS_NEEDED = 6 }; /* older models lack the others */
+
+static void list_numbers(hada_model_info *info, double *steps, number numbers[NUMBERS])
+{
+    const number all[NUMBERS] = {{"alpha", &info->alpha},
+                                 {"lambda", &info->lambda},
+                                 {"dark", &info->dark},
+                                 {"noise", &info->noise},
+                                 {"refine_rho", &info->refine_rho},
+                                 {"refine_steps", steps},
+                                 {"refine_tv", &info->refine_tv},
+                                 {"refine_colour", &info->refine_colour},
+                                 {"refine_ridge", &info->refine_ridge},
+                                 {"refine_share", &info->refine_share},
+                                 {"refine_noise", &info->refine_noise},
+                                 {"refine_noise_largest", &info->refine_noise_largest}};
+    memcpy(numbers, all, sizeof all);
+}
+
 static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
 {
     HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
@@ -276,23 +300,12 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
     HADA_TRY(put_size(writer, "raw", info->raw_rows, info->raw_cols, err));
     HADA_TRY(put_size(writer, "grid", info->grid_rows, info->grid_cols, err));
     HADA_TRY(put_size(writer, "window", info->window_rows, info->window_cols, err));
-    const struct {
-        const char *key;
-        double value;
-    } numbers[] = {{"alpha", info->alpha},
-                   {"lambda", info->lambda},
-                   {"dark", info->dark},
-                   {"noise", info->noise},
-                   {"refine_rho", info->refine_rho},
-                   {"refine_steps", info->refine_steps},
-                   {"refine_tv", info->refine_tv},
-                   {"refine_colour", info->refine_colour},
-                   {"refine_ridge", info->refine_ridge},
-                   {"refine_share", info->refine_share},
-                   {"refine_noise", info->refine_noise},
-                   {"refine_noise_largest", info->refine_noise_largest}};
-    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
-        HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
+    hada_model_info own = *info;
+    double steps = info->refine_steps;
+    number numbers[NUMBERS];
+    list_numbers(&own, &steps, numbers);
+    for (int i = 0; i < NUMBERS; i++)
+        HADA_TRY(put_number(writer, numbers[i].key, *numbers[i].value, err));
     char response[HADA_RESPONSE_NAME];
     hada_response_name(response, info->scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
@@ -309,52 +322,59 @@ typedef struct part {
     hada_dtype type;
     int dims;
     int64_t shape[6];
-    const void *data;
-    size_t bytes;
+    void *place; /* of the model's pointer to its values */
 } part;
 enum { PARTS = 11 };
 
-static int list_parts(const hada_model *model, part parts[PARTS])
+static size_t bytes_of(const part *it)
+{
+    size_t bytes = hada_dtype_bytes(it->type);
+    for (int d = 0; d < it->dims; d++)
+        bytes *= (size_t)it->shape[d];
+    return bytes;
+}
+
+static void *values_of(const part *it)
+{
+    void *values;
+    memcpy(&values, it->place, sizeof values);
+    return values;
+}
+
+/* Which of them a model has that not all have. */
+typedef struct optional {
+    int statistics, otf, flat, dark_frame;
+} optional;
+
+static int list_parts(hada_model *model, optional has, part parts[PARTS])
 {
     const hada_model_info *info = &model->info;
     const int64_t z = info->depths, c = info->channels, rows = info->grid_rows, half = info->grid_cols / 2 + 1;
-    const size_t plane = hada_model_plane(model), images = (size_t)z * (size_t)c, values = images * plane * 2;
-    const size_t frame = (size_t)c * (size_t)info->raw_rows * (size_t)info->raw_cols * 4;
+    const int64_t k = info->components, raw_rows = info->raw_rows, raw_cols = info->raw_cols;
     int n = 0;
     /* widest type first, so that every tensor is aligned */
-    parts[n++] = (part){"distances_mm", HADA_F64, 1, {z}, model->distances, (size_t)z * 8};
-    if (model->noise_power)
-        parts[n++] = (part){"noise_power", HADA_F64, 2, {z, c}, model->noise_power, images * 8};
-    if (model->pairs)
-        parts[n++] = (part){"pairs", HADA_F64, 1, {z}, model->pairs, (size_t)z * 8};
-    if (info->components > 1) {
-        const int64_t k = info->components, positions = info->positions;
-        parts[n++] =
-            (part){"singular_values", HADA_F64, 2, {z, positions}, model->singular_values, (size_t)(z * positions) * 8};
-        parts[n++] = (part){"component_otf",
-                            HADA_F32,
-                            6,
-                            {z, k, c, rows, half, 2},
-                            model->component_otf,
-                            hada_model_component_images(info) * plane * 8};
-        parts[n++] = (part){"component_weights",
-                            HADA_F32,
-                            4,
-                            {z, k, info->window_rows, info->window_cols},
-                            model->component_weights,
-                            hada_model_component_weights(info) * 4};
+    parts[n++] = (part){"distances_mm", HADA_F64, 1, {z}, &model->distances};
+    if (has.statistics) {
+        parts[n++] = (part){"noise_power", HADA_F64, 2, {z, c}, &model->noise_power};
+        parts[n++] = (part){"pairs", HADA_F64, 1, {z}, &model->pairs};
     }
-    if (model->scene_power)
-        parts[n++] = (part){"scene_power", HADA_F32, 2, {rows, half}, model->scene_power, plane * 4};
-    if (model->otf)
-        parts[n++] = (part){"otf", HADA_F32, 5, {z, c, rows, half, 2}, model->otf, values * 4};
-    if (model->flat.data)
-        parts[n++] = (part){"flat", HADA_F32, 3, {c, info->raw_rows, info->raw_cols}, model->flat.data, frame};
-    if (model->dark_frame.data)
+    if (k > 1) {
+        const int64_t window_rows = info->window_rows, window_cols = info->window_cols;
+        parts[n++] = (part){"singular_values", HADA_F64, 2, {z, info->positions}, &model->singular_values};
+        parts[n++] = (part){"component_otf", HADA_F32, 6, {z, k, c, rows, half, 2}, &model->component_otf};
         parts[n++] =
-            (part){"dark_frame", HADA_F32, 3, {c, info->raw_rows, info->raw_cols}, model->dark_frame.data, frame};
-    parts[n++] = info->half ? (part){"filter", HADA_F16, 5, {z, c, rows, half, 2}, model->filter_half, values * 2}
-                            : (part){"filter", HADA_F32, 5, {z, c, rows, half, 2}, model->filter, values * 4};
+            (part){"component_weights", HADA_F32, 4, {z, k, window_rows, window_cols}, &model->component_weights};
+    }
+    if (has.statistics)
+        parts[n++] = (part){"scene_power", HADA_F32, 2, {rows, half}, &model->scene_power};
+    if (has.otf)
+        parts[n++] = (part){"otf", HADA_F32, 5, {z, c, rows, half, 2}, &model->otf};
+    if (has.flat)
+        parts[n++] = (part){"flat", HADA_F32, 3, {c, raw_rows, raw_cols}, &model->flat.data};
+    if (has.dark_frame)
+        parts[n++] = (part){"dark_frame", HADA_F32, 3, {c, raw_rows, raw_cols}, &model->dark_frame.data};
+    parts[n++] = info->half ? (part){"filter", HADA_F16, 5, {z, c, rows, half, 2}, &model->filter_half}
+                            : (part){"filter", HADA_F32, 5, {z, c, rows, half, 2}, &model->filter};
     return n;
 }
 
@@ -382,14 +402,17 @@ done:
 /* Everything of a model into a file that has been opened. */
 static hada_status write_model(const hada_model *model, hada_tensors_writer *writer, hada_error *err)
 {
+    hada_model own = *model; /* of which parts are asked that may be filled */
     part parts[PARTS];
-    const int count = list_parts(model, parts);
+    const optional has = {model->scene_power != NULL, model->otf != NULL, model->flat.data != NULL,
+                          model->dark_frame.data != NULL};
+    const int count = list_parts(&own, has, parts);
     HADA_TRY(put_metadata(writer, &model->info, err));
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_tensors_declare(writer, parts[i].name, parts[i].type, parts[i].dims, parts[i].shape, err));
     HADA_TRY(declare_enhance(model, writer, err));
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_tensors_write(writer, parts[i].data, parts[i].bytes, err));
+        HADA_TRY(hada_tensors_write(writer, values_of(&parts[i]), bytes_of(&parts[i]), err));
     return model->enhance ? hada_net_write(model->enhance, writer, err) : HADA_OK;
 }
 
@@ -453,6 +476,7 @@ static hada_status get_components(const hada_tensors *file, const char *path, ha
 static hada_status get_metadata(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
 {
     double version = 0, steps = 0;
+    number numbers[NUMBERS];
     const char *format = hada_tensors_meta(file, "format");
     const char *form = hada_tensors_meta(file, "form"), *boundary = hada_tensors_meta(file, "boundary");
     if (!format || strcmp(format, FORMAT))
@@ -470,24 +494,10 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     HADA_TRY(get_size(file, path, "raw", &info->raw_rows, &info->raw_cols, err));
     HADA_TRY(get_size(file, path, "grid", &info->grid_rows, &info->grid_cols, err));
     HADA_TRY(get_size(file, path, "window", &info->window_rows, &info->window_cols, err));
-    const struct {
-        const char *key;
-        double *out;
-    } numbers[] = {{"alpha", &info->alpha},
-                   {"lambda", &info->lambda},
-                   {"dark", &info->dark},
-                   {"noise", &info->noise},
-                   {"refine_rho", &info->refine_rho},
-                   {"refine_steps", &steps},
-                   {"refine_tv", &info->refine_tv}, /* older models lack what follows */
-                   {"refine_share", &info->refine_share},
-                   {"refine_ridge", &info->refine_ridge},
-                   {"refine_colour", &info->refine_colour},
-                   {"refine_noise", &info->refine_noise},
-                   {"refine_noise_largest", &info->refine_noise_largest}};
-    for (size_t i = 0; i < HADA_COUNT(numbers); i++)
-        if (i < 6 || hada_tensors_meta(file, numbers[i].key))
-            HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
+    list_numbers(info, &steps, numbers);
+    for (int i = 0; i < NUMBERS; i++)
+        if (i < NUMBERS_NEEDED || hada_tensors_meta(file, numbers[i].key))
+            HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].value, err));
     if (!hada_tensors_meta(file, "refine_ridge") && hada_tensors_meta(file, "refine_shrink")) {
         double shrink = 0.0; /* what older models had in its place */
         HADA_TRY(get_number(file, path, "refine_shrink", &shrink, err));
@@ -511,14 +521,14 @@ static hada_status check_part(const hada_tensors *file, const char *path, const 
     const hada_stored_tensor *tensor = hada_tensors_find(file, want->name);
     if (!tensor)
         return missing(path, want->name, err);
-    int same = tensor->type == want->type && tensor->dims == want->dims && tensor->bytes == want->bytes;
+    int same = tensor->type == want->type && tensor->dims == want->dims;
     for (int d = 0; same && d < want->dims; d++)
         same = tensor->shape[d] == want->shape[d];
     if (!same)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "%s: the tensor %s has not the shape or type that the metadata say; the file is damaged", path,
                          want->name);
-    if ((uintptr_t)tensor->data % (want->bytes ? 4 : 1))
+    if ((uintptr_t)tensor->data % 4)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "%s: the tensor %s is not aligned; write the file again with the safetensors library", path,
                          want->name);
@@ -526,39 +536,26 @@ static hada_status check_part(const hada_tensors *file, const char *path, const 
     return HADA_OK;
 }
 
-/* The flat frame or the dark one, which are copied. */
-static hada_status take_frame(hada_model *model, int is_flat, const void *data, hada_error *err)
-{
-    const hada_model_info *info = &model->info;
-    const hada_image in_file = {info->channels, info->raw_rows, info->raw_cols, (float *)(uintptr_t)data};
-    (is_flat ? &model->flat : &model->dark_frame)->data = NULL;
-    return is_flat ? hada_model_set_flat(model, &in_file, err) : hada_model_set_dark(model, &in_file, err);
-}
-
 /* Points the model's arrays into the file; small ones were allocated and are copied. */
 static hada_status take_parts(hada_model *model, const hada_tensors *file, const char *path, hada_error *err)
 {
+    const hada_model_info *info = &model->info;
+    const optional has = {model->noise_power != NULL, info->has_otf, hada_tensors_find(file, "flat") != NULL,
+                          hada_tensors_find(file, "dark_frame") != NULL};
     part parts[PARTS];
-    const void *data = NULL;
-    const int count = list_parts(model, parts);
+    const int count = list_parts(model, has, parts);
     for (int i = 0; i < count; i++) {
+        const void *data = NULL;
         HADA_TRY(check_part(file, path, &parts[i], &data, err));
+        const hada_image frame = {info->channels, info->raw_rows, info->raw_cols, (float *)(uintptr_t)data};
         if (parts[i].type == HADA_F64)
-            memcpy((void *)(uintptr_t)parts[i].data, data, parts[i].bytes);
-        else if (!strcmp(parts[i].name, "flat") || !strcmp(parts[i].name, "dark_frame"))
-            HADA_TRY(take_frame(model, !strcmp(parts[i].name, "flat"), data, err));
-        else if (!strcmp(parts[i].name, "scene_power"))
-            model->scene_power = (float *)(uintptr_t)data;
-        else if (!strcmp(parts[i].name, "otf"))
-            model->otf = (float *)(uintptr_t)data;
-        else if (!strcmp(parts[i].name, "component_otf"))
-            model->component_otf = (float *)(uintptr_t)data;
-        else if (!strcmp(parts[i].name, "component_weights"))
-            model->component_weights = (float *)(uintptr_t)data;
-        else if (model->info.half)
-            model->filter_half = (uint16_t *)(uintptr_t)data;
+            memcpy(values_of(&parts[i]), data, bytes_of(&parts[i]));
+        else if (parts[i].place == &model->flat.data)
+            HADA_TRY(hada_model_set_flat(model, &frame, err));
+        else if (parts[i].place == &model->dark_frame.data)
+            HADA_TRY(hada_model_set_dark(model, &frame, err));
         else
-            model->filter = (float *)(uintptr_t)data;
+            memcpy(parts[i].place, &data, sizeof data);
     }
     return HADA_OK;
 }
@@ -635,63 +632,42 @@ static hada_status complete(hada_model *model, const hada_tensors *file, hada_er
     return read_enhance(model, file, err);
 }
 
-static hada_status load(hada_model **out, hada_tensors *file, const char *path, hada_error *err)
+/* Room for the small arrays, which are copied. */
+static hada_status make_small(hada_model *model, hada_error *err)
 {
-    /* list_parts() asks which arrays exist: any pointer but NULL will do until the file's arrays replace it */
-    static float present;
-    hada_status status = HADA_OK;
-    hada_model_info info = {0};
-    hada_model *model = NULL;
-    HADA_TRY_OR_DONE(get_info(file, path, &info, err));
-    if ((status = hada_model_create_head(&model, &info, err)) != HADA_OK) {
-        hada_error_prefix(err, "%s: ", path);
-        goto done;
+    const hada_model_info *info = &model->info;
+    const size_t depths = (size_t)info->depths;
+    if (hada_tensors_find(model->file, "scene_power")) {
+        HADA_TRY(HADA_NEW(model->noise_power, depths * (size_t)info->channels, "the noise power", err));
+        HADA_TRY(HADA_NEW(model->pairs, depths, "the pairs", err));
     }
-    model->file = file;
-    if (info.has_otf)
-        model->otf = &present;
-    if (hada_tensors_find(file, "flat"))
-        model->flat.data = &present;
-    if (hada_tensors_find(file, "dark_frame"))
-        model->dark_frame.data = &present;
-    if (hada_tensors_find(file, "scene_power")) {
-        const size_t images = (size_t)info.depths * (size_t)info.channels;
-        model->scene_power = &present;
-        HADA_TRY_OR_DONE(HADA_NEW(model->noise_power, images, "the noise power", err));
-        HADA_TRY_OR_DONE(HADA_NEW(model->pairs, (size_t)info.depths, "the pairs", err));
-    }
-    if (info.components > 1)
-        HADA_TRY_OR_DONE(
-            HADA_NEW(model->singular_values, (size_t)info.depths * (size_t)info.positions, "singular values", err));
-    HADA_TRY_OR_DONE(take_parts(model, file, path, err));
-    if ((status = complete(model, file, err)) != HADA_OK)
-        hada_error_prefix(err, "%s: ", path);
-done:
-    if (status && model) {
-        model->file = NULL; /* closed by the caller */
-        if (model->flat.data == &present)
-            model->flat.data = NULL;
-        if (model->dark_frame.data == &present)
-            model->dark_frame.data = NULL;
-        model->filter = model->otf = model->scene_power = NULL;
-        model->component_otf = model->component_weights = NULL;
-        model->filter_half = NULL;
-        hada_model_destroy(&model);
-    }
-    *out = model;
-    return status;
+    if (info->components > 1)
+        HADA_TRY(HADA_NEW(model->singular_values, depths * (size_t)info->positions, "singular values", err));
+    return HADA_OK;
 }
 
 hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
 {
     hada_status status = HADA_OK;
+    hada_model_info info = {0};
     hada_tensors *file = NULL;
     HADA_NEED(out && path, err);
     *out = NULL;
     HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
-    HADA_TRY_OR_DONE(load(out, file, path, err));
+    HADA_TRY_OR_DONE(get_info(file, path, &info, err));
+    if ((status = hada_model_create_head(out, &info, err)) != HADA_OK) {
+        hada_error_prefix(err, "%s: ", path);
+        goto done;
+    }
+    (*out)->file = file;
+    HADA_TRY_OR_DONE(make_small(*out, err));
+    HADA_TRY_OR_DONE(take_parts(*out, file, path, err));
+    if ((status = complete(*out, file, err)) != HADA_OK)
+        hada_error_prefix(err, "%s: ", path);
 done:
-    if (status)
+    if (status && *out)
+        hada_model_destroy(out); /* closes the file */
+    else if (status)
         hada_tensors_close(&file);
     return status;
 }

@@ -417,11 +417,12 @@ hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_co
 
 /* Models made from other models: in half precision, with a fixed form of filter, with another net. */
 
-/* The transfer functions, and the fit's statistics of scenes and noise. */
-static void copy_knowledge(hada_model *copy, const hada_model *model)
+hada_status hada_model_create_like(hada_model **out, const hada_model *model, const hada_model_info *info,
+                                   hada_error *err)
 {
-    const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), images = (size_t)info->depths * (size_t)info->channels;
+    HADA_TRY(hada_model_create(out, info, model->scene_power != NULL, err));
+    hada_model *copy = *out;
     if (model->otf)
         memcpy(copy->otf, model->otf, images * plane * 2 * sizeof *copy->otf);
     if (info->components > 1) {
@@ -437,6 +438,7 @@ static void copy_knowledge(hada_model *copy, const hada_model *model)
         memcpy(copy->noise_power, model->noise_power, images * sizeof *copy->noise_power);
         memcpy(copy->pairs, model->pairs, (size_t)info->depths * sizeof *copy->pairs);
     }
+    return HADA_OK;
 }
 
 /* Gives `model` a copy of a net. */
@@ -481,14 +483,13 @@ hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_e
     HADA_NEED(out && model, err);
     hada_model_info info = model->info;
     info.half = 1;
-    HADA_TRY_OR_DONE(hada_model_create(out, &info, model->scene_power != NULL, err));
+    HADA_TRY_OR_DONE(hada_model_create_like(out, model, &info, err));
     uint16_t *half = (*out)->filter_half;
     const size_t plane = 2 * hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
     if (model->filter_half)
         memcpy(half, model->filter_half, images * plane * sizeof *half);
     for (size_t i = 0; model->filter && i < images; i++)
         HADA_TRY_OR_DONE(hada_filter_to_half(model->filter + i * plane, plane, half + i * plane, err));
-    copy_knowledge(*out, model);
     if (model->enhance)
         HADA_TRY_OR_DONE(copy_enhance(*out, model->enhance, info.enhance_rows, info.enhance_cols, err));
 done:
@@ -502,14 +503,13 @@ hada_status hada_model_with_enhance(hada_model **out, const hada_model *model, c
 {
     hada_status status = HADA_OK;
     HADA_NEED(out && model, err);
-    HADA_TRY_OR_DONE(hada_model_create(out, &model->info, model->scene_power != NULL, err));
+    HADA_TRY_OR_DONE(hada_model_create_like(out, model, &model->info, err));
     const size_t images = (size_t)model->info.depths * (size_t)model->info.channels;
     const size_t values = images * hada_model_plane(model) * 2;
     if (model->filter)
         memcpy((*out)->filter, model->filter, values * sizeof *model->filter);
     if (model->filter_half)
         memcpy((*out)->filter_half, model->filter_half, values * sizeof *model->filter_half);
-    copy_knowledge(*out, model);
     if (net)
         HADA_TRY_OR_DONE(copy_enhance(*out, net, rows, cols, err));
 done:
@@ -585,10 +585,9 @@ hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada
     info.half = 0;
     info.alpha = 0.0;
     info.lambda = form == HADA_FORM_WIENER ? lambda : 0.0;
-    HADA_TRY(hada_model_create(out, &info, model->scene_power != NULL, err));
-    hada_model *copy = *out;
+    HADA_TRY(hada_model_create_like(out, model, &info, err));
+    const hada_model *copy = *out;
     const size_t plane = hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
-    copy_knowledge(copy, model);
     for (size_t i = 0; i < images; i++) {
         const float *otf = copy->otf + 2 * i * plane;
         const double floor = form == HADA_FORM_MATCHED ? 0.0 : info.lambda * hada_model_mean_square(otf, &info);

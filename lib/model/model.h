@@ -80,6 +80,10 @@ size_t hada_model_info_plane(const hada_model_info *info);
  * scene_power, noise_power and pairs as well. */
 hada_status hada_model_create(hada_model **out, const hada_model_info *info, int with_statistics, hada_error *err);
 
+/* The same with a copy of the transfer functions of `model`, and of its fit's statistics of scenes and noise. */
+hada_status hada_model_create_like(hada_model **out, const hada_model *model, const hada_model_info *info,
+                                   hada_error *err);
+
 /* As hada_model_create, without the arrays that a file may supply (filter, filter_half, otf, scene_power). */
 hada_status hada_model_create_head(hada_model **out, const hada_model_info *info, hada_error *err);
 

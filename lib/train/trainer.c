@@ -394,30 +394,12 @@ done:
     return status;
 }
 
-/* A copy of the model without its filters and net. */
-static hada_status copy_camera(hada_model **out, const hada_trainer *trainer, hada_error *err)
-{
-    const hada_model *model = trainer->model;
-    hada_model_info info = trainer->info;
-    info.form = trainer->options.form;
-    info.half = 0;
-    info.enhance = info.enhance_rows = info.enhance_cols = 0;
-    info.refine_steps = 0;
-    const size_t plane = hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
-    HADA_TRY(hada_model_create(out, &info, model->scene_power != NULL, err));
-    if (model->otf)
-        memcpy((*out)->otf, model->otf, images * plane * 2 * sizeof *model->otf);
-    if (model->scene_power) {
-        memcpy((*out)->scene_power, model->scene_power, plane * sizeof *model->scene_power);
-        memcpy((*out)->noise_power, model->noise_power, images * sizeof *model->noise_power);
-        memcpy((*out)->pairs, model->pairs, (size_t)info.depths * sizeof *model->pairs);
-    }
-    return HADA_OK;
-}
-
 static hada_status with_filters(hada_model **out, hada_trainer *trainer, hada_error *err)
 {
-    HADA_TRY(copy_camera(out, trainer, err));
+    hada_model_info info = trainer->info;
+    info.form = trainer->options.form;
+    info.half = info.refine_steps = 0;
+    HADA_TRY(hada_model_create_like(out, trainer->model, &info, err));
     for (int z = 0; z < trainer->info.depths; z++) {
         const size_t at = (size_t)z * (size_t)trainer->info.channels * hada_model_plane(trainer->model) * 2;
         HADA_TRY(hada_workers_read(&trainer->workers, HADA_GROUP_FILTERS + z, HADA_CONTENT_VALUES, (*out)->filter + at,

@@ -2,11 +2,20 @@
 #include "image/pixels.h"
 #include "io/folder.h"
 #include "launch/lpips_distance.h"
-#include "metrics/lpips_stage.h"
 #include "metrics/metrics.h"
 #include "net/graph.h"
 #include "net/layer_launch.h"
 #include "runtime/memory.h"
+
+enum { STAGES = 5, CHANNELS = 1472 }; /* channels: of all stages, at most */
+
+/* What a stage does before its convolutions: maximum pooling (0: none), zeros put around (where the convolution wants
+ * more of them than a tensor has). The first stage of AlexNet, 11 x 11 every 4 pixels, takes blocks of 4 x 4 pixels as
+ * 48 channels: a convolution of 3 x 3 then does the same, much faster. `fold` is the side of these blocks, 1 elsewhere.
+ */
+typedef struct entry {
+    int pool, pool_stride, border, fold;
+} entry;
 
 /* A convolution with ReLU, or (channels 0) a maximum pooling; `number` is its place in torchvision's Sequential. After
  * a `tap` the features are compared. */
@@ -62,32 +71,31 @@ static int is_folded(hada_lpips_net net, int stage)
     return net == HADA_LPIPS_ALEX && !stage;
 }
 
-static hada_lpips_entry lpips_stage_entry(hada_lpips_net net, int stage)
+static entry lpips_stage_entry(hada_lpips_net net, int stage)
 {
     int channels;
     const part *first = parts_of(net, stage, &channels);
-    hada_lpips_entry entry = {.fold = is_folded(net, stage) ? FOLD : 1};
+    entry e = {.fold = is_folded(net, stage) ? FOLD : 1};
     if (!first->channels) {
-        entry.pool = first->kernel;
-        entry.pool_stride = first->stride;
+        e.pool = first->kernel;
+        e.pool_stride = first->stride;
         first++;
     }
-    entry.border = !is_folded(net, stage) && first->pad > 1 ? first->pad : 0;
-    return entry;
+    e.border = !is_folded(net, stage) && first->pad > 1 ? first->pad : 0;
+    return e;
 }
 
 /* Pixels that the convolutions of a stage take, after its entry, from what the stage before gives. */
 static hada_size lpips_stage_input(hada_lpips_net net, int stage, hada_size before)
 {
-    const hada_lpips_entry entry = lpips_stage_entry(net, stage);
+    const entry e = lpips_stage_entry(net, stage);
     hada_size in = before;
-    if (entry.fold > 1)
+    if (e.fold > 1)
         return (hada_size){(in.rows + 2 * FIRST_PAD - alex[0].kernel) / FOLD + FOLDED_KERNEL,
                            (in.cols + 2 * FIRST_PAD - alex[0].kernel) / FOLD + FOLDED_KERNEL};
-    if (entry.pool)
-        in =
-            (hada_size){(in.rows - entry.pool) / entry.pool_stride + 1, (in.cols - entry.pool) / entry.pool_stride + 1};
-    return (hada_size){in.rows + 2 * entry.border, in.cols + 2 * entry.border};
+    if (e.pool)
+        in = (hada_size){(in.rows - e.pool) / e.pool_stride + 1, (in.cols - e.pool) / e.pool_stride + 1};
+    return (hada_size){in.rows + 2 * e.border, in.cols + 2 * e.border};
 }
 
 /* Channels of an image as the first stage takes it. */
@@ -124,8 +132,8 @@ static void lpips_fill(hada_lpips_net net, const hada_image *image, double peak,
 static hada_status list(hada_net *net, hada_lpips_net kind, int stage, hada_error *err)
 {
     int at, channels;
-    const hada_lpips_entry entry = lpips_stage_entry(kind, stage);
-    const part *parts = parts_of(kind, stage, &channels) + (entry.pool > 0);
+    const entry e = lpips_stage_entry(kind, stage);
+    const part *parts = parts_of(kind, stage, &channels) + (e.pool > 0);
     hada_layer layer = hada_layer_of(HADA_LAYER_INPUT, "", 0);
     layer.channels = stage ? channels : lpips_fill_channels(kind);
     HADA_TRY(hada_net_add(net, &layer, &at, err));
@@ -133,9 +141,9 @@ static hada_status list(hada_net *net, hada_lpips_net kind, int stage, hada_erro
         layer = hada_layer_of(HADA_LAYER_CONV, "", at);
         snprintf(layer.name, sizeof layer.name, "features.%d", parts->number);
         layer.channels = parts->channels;
-        layer.kernel = entry.fold > 1 ? FOLDED_KERNEL : parts->kernel;
-        layer.stride = entry.fold > 1 ? 1 : parts->stride;
-        layer.pad = entry.fold > 1 || (first && entry.border) ? 0 : parts->pad;
+        layer.kernel = e.fold > 1 ? FOLDED_KERNEL : parts->kernel;
+        layer.stride = e.fold > 1 ? 1 : parts->stride;
+        layer.pad = e.fold > 1 || (first && e.border) ? 0 : parts->pad;
         layer.activation = HADA_ACTIVATION_RELU;
         HADA_TRY(hada_net_add(net, &layer, &at, err));
         last = parts->tap;
@@ -190,8 +198,6 @@ done:
 hada_status hada_lpips_distance(hada_slot *slot, const hada_tensor *x, hada_floats weights, hada_floats out,
                                 hada_error *err)
 {
-    if (x->images < 2 || x->images % 2)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "LPIPS compares pairs, not %d images", x->images);
     const int pairs = x->images / 2;
     hada_layer_grid grid = hada_layer_pixel_grid_of(slot, x, x->rows, x->cols);
     grid.range.global[2] = (size_t)pairs;
@@ -246,16 +252,16 @@ static hada_status read_head(const hada_tensors *file, hada_lpips_net net, int s
 }
 
 /* The linear heads of a file: the weights of all channels, stage after stage, and where each stage's begin. */
-static hada_status lpips_read_heads(const char *path, hada_lpips_net net, float weights[HADA_LPIPS_CHANNELS],
-                                    size_t first[HADA_LPIPS_STAGES], hada_error *err)
+static hada_status lpips_read_heads(const char *path, hada_lpips_net net, float weights[CHANNELS], size_t first[STAGES],
+                                    hada_error *err)
 {
     hada_tensors *file = NULL;
     size_t count = 0;
     hada_status status = HADA_OK;
     HADA_TRY(hada_tensors_open(&file, path, err));
-    for (int i = 0; i < HADA_LPIPS_CHANNELS; i++)
+    for (int i = 0; i < CHANNELS; i++)
         weights[i] = 0.0f;
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < STAGES; k++) {
         first[k] = count;
         HADA_TRY_OR_DONE(read_head(file, net, k, weights + count, err));
         count += (size_t)lpips_stage_channels(net, k);
@@ -267,8 +273,8 @@ done:
 
 /* What stands where for images of one size. */
 typedef struct lpips_plan {
-    hada_size input[HADA_LPIPS_STAGES], size[HADA_LPIPS_STAGES]; /* of the convolutions; what a stage gives */
-    size_t map_at[HADA_LPIPS_STAGES + 1];                        /* a stage's distances; the count of all */
+    hada_size input[STAGES], size[STAGES]; /* of the convolutions; what a stage gives */
+    size_t map_at[STAGES + 1];             /* a stage's distances; the count of all */
     size_t in_floats, pooled_floats;
 } lpips_plan;
 
@@ -276,15 +282,15 @@ struct hada_lpips {
     hada_context *context;
     hada_slot *slot;
     hada_lpips_net net;
-    hada_net *stage[HADA_LPIPS_STAGES];
-    hada_buffer values[HADA_LPIPS_STAGES]; /* weights of the stages */
-    hada_buffer heads;                     /* of the channels, stage after stage */
-    size_t head_at[HADA_LPIPS_STAGES];
+    hada_net *stage[STAGES];
+    hada_buffer values[STAGES]; /* weights of the stages */
+    hada_buffer heads;          /* of the channels, stage after stage */
+    size_t head_at[STAGES];
 
     /* For images of one size, kept for the next ones; rows 0: none. */
     int rows, cols;
     lpips_plan plan;
-    hada_graph *graph[HADA_LPIPS_STAGES];
+    hada_graph *graph[STAGES];
     hada_buffer in, pooled, distances;
     float *pair, *maps; /* on the host: two images, the distances */
 };
@@ -296,7 +302,7 @@ static hada_graph_options options_for(hada_size size)
 
 static void forget_size(hada_lpips *lpips)
 {
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++)
+    for (int k = 0; k < STAGES; k++)
         hada_graph_destroy(&lpips->graph[k]);
     HADA_DESTROY_BUFFERS(&lpips->in, &lpips->pooled, &lpips->distances);
     HADA_FREE(lpips->pair, lpips->maps);
@@ -321,10 +327,10 @@ static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, lpips_
         return hada_fail(err, HADA_ERROR_SIZE, "LPIPS by %s needs images of at least %d x %d, not %d x %d",
                          lpips->net == HADA_LPIPS_ALEX ? "AlexNet" : "VGG-16", least, least, rows, cols);
     *plan = (lpips_plan){0};
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
-        const hada_lpips_entry entry = lpips_stage_entry(lpips->net, k);
+    for (int k = 0; k < STAGES; k++) {
+        const entry e = lpips_stage_entry(lpips->net, k);
         plan->input[k] = lpips_stage_input(lpips->net, k, k ? plan->size[k - 1] : (hada_size){rows, cols});
-        if (entry.pool && entry.border) {
+        if (e.pool && e.border) {
             const hada_tensor pooled = pooled_tensor(lpips, k, plan->input[k], NULL);
             plan->pooled_floats = 2 * pooled.image_stride;
         }
@@ -339,7 +345,7 @@ static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, lpips_
 
 static hada_status make_graphs(hada_lpips *lpips, hada_error *err)
 {
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < STAGES; k++) {
         const hada_graph_options options = options_for(lpips->plan.input[k]);
         HADA_TRY(hada_graph_create(&lpips->graph[k], lpips->slot, lpips->stage[k], &options, err));
         HADA_TRY(hada_graph_set_weights(lpips->graph[k], (hada_floats){lpips->values[k].mem, 0}, err));
@@ -352,7 +358,7 @@ static hada_status make_size(hada_lpips *lpips, int rows, int cols, hada_error *
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(plan_size(lpips, rows, cols, &lpips->plan, err));
     const size_t in = lpips->plan.in_floats, pooled = lpips->plan.pooled_floats * sizeof(float);
-    const size_t distances = lpips->plan.map_at[HADA_LPIPS_STAGES];
+    const size_t distances = lpips->plan.map_at[STAGES];
     HADA_TRY_OR_DONE(make_graphs(lpips, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&lpips->in, lpips->context, in * sizeof(float), "the images to compare", err));
     if (pooled) {
@@ -391,15 +397,15 @@ static hada_status check(const hada_image *a, const hada_image *b, double peak, 
 /* What a stage gives to the input of the next one. */
 static hada_status enter(hada_lpips *lpips, int stage, hada_error *err)
 {
-    const hada_lpips_entry entry = lpips_stage_entry(lpips->net, stage);
+    const entry e = lpips_stage_entry(lpips->net, stage);
     const hada_tensor *from = hada_graph_output(lpips->graph[stage - 1]), *to = hada_graph_input(lpips->graph[stage]);
     const hada_tensor pooled = pooled_tensor(lpips, stage, lpips->plan.input[stage], lpips->pooled.mem);
-    const hada_tensor *between = entry.border ? &pooled : to;
+    const hada_tensor *between = e.border ? &pooled : to;
     HADA_TRY(hada_tensor_clear_halo(lpips->slot, to, err)); /* other things may have stood there */
-    if (entry.pool)
-        HADA_TRY(hada_pool_forward(lpips->slot, HADA_POOL_MAX, entry.pool, entry.pool_stride, from, between, err));
-    if (!entry.pool || entry.border)
-        HADA_TRY(hada_place(lpips->slot, entry.pool ? between : from, to, entry.border, entry.border, 0, 0, err));
+    if (e.pool)
+        HADA_TRY(hada_pool_forward(lpips->slot, HADA_POOL_MAX, e.pool, e.pool_stride, from, between, err));
+    if (!e.pool || e.border)
+        HADA_TRY(hada_place(lpips->slot, e.pool ? between : from, to, e.border, e.border, 0, 0, err));
     return HADA_OK;
 }
 
@@ -418,7 +424,7 @@ static hada_status compare(hada_lpips *lpips, const hada_image *a, const hada_im
     lpips_fill(lpips->net, b, peak, input, lpips->pair + image);
     HADA_TRY(hada_buffer_write(&lpips->in, lpips->slot, 0, lpips->pair, lpips->in.bytes, err));
     HADA_TRY(hada_graph_load(lpips->graph[0], &in, err));
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < STAGES; k++) {
         if (k)
             HADA_TRY(enter(lpips, k, err));
         HADA_TRY(hada_graph_forward(lpips->graph[k], err));
@@ -453,7 +459,7 @@ static double resized(const float *map, hada_size size, int row, int col, int ro
 static double distance_at(const hada_lpips *lpips, int row, int col)
 {
     double sum = 0.0;
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++)
+    for (int k = 0; k < STAGES; k++)
         sum += resized(lpips->maps + lpips->plan.map_at[k], lpips->plan.size[k], row, col, lpips->rows, lpips->cols);
     return sum;
 }
@@ -478,7 +484,7 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
         *out = all / (double)used;
         return HADA_OK;
     }
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < STAGES; k++) {
         double sum = 0.0;
         for (size_t i = lpips->plan.map_at[k]; i < lpips->plan.map_at[k + 1]; i++)
             sum += lpips->maps[i];
@@ -510,7 +516,7 @@ hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64
     memcpy(trial.stage, lpips->stage, sizeof trial.stage);
     const hada_status status = make_size(&trial, rows, cols, err);
     *bytes = lpips->heads.bytes + hada_context_bytes(&dry.context);
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++)
+    for (int k = 0; k < STAGES; k++)
         *bytes += lpips->values[k].bytes;
     forget_size(&trial);
     hada_dry_end(&dry);
@@ -523,7 +529,7 @@ static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error
     hada_status status = HADA_OK;
     HADA_TRY(hada_tensors_open(&file, path, err));
     HADA_TRY_OR_DONE(lpips_find_net(file, &lpips->net, err));
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < STAGES; k++) {
         HADA_TRY_OR_DONE(lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err));
         HADA_TRY_OR_DONE(hada_buffer_create_from(&lpips->values[k], lpips->slot, lpips->stage[k]->values,
                                                  lpips->stage[k]->floats * sizeof(float), "the weights", err));
@@ -535,7 +541,7 @@ done:
 
 static hada_status read_heads(hada_lpips *lpips, const char *path, hada_error *err)
 {
-    float weights[HADA_LPIPS_CHANNELS];
+    float weights[CHANNELS];
     HADA_TRY(lpips_read_heads(path, lpips->net, weights, lpips->head_at, err));
     return hada_buffer_create_from(&lpips->heads, lpips->slot, weights, sizeof weights, "the heads of LPIPS", err);
 }
@@ -569,7 +575,7 @@ void hada_lpips_destroy(hada_lpips **pointer)
     if (lpips->slot)
         hada_slot_finish(lpips->slot, NULL);
     forget_size(lpips);
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < STAGES; k++) {
         hada_buffer_destroy(&lpips->values[k]);
         hada_net_destroy(&lpips->stage[k]);
     }

@@ -7,6 +7,8 @@
 #include <hadalens/lpips.h>
 #include <hadalens/monitor.h>
 
+#include "net/tensor.h"
+
 /* The data range, in peaks, that the code of Tian and Yang 2022 reckons with. */
 #define HADA_AUTHORS_RANGE 2.0
 
@@ -21,6 +23,11 @@ typedef struct hada_similarity {
 /* Fills in `count` of them. The local means, which take the time, are made once for all. */
 hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_similarity *list, int count,
                               hada_error *err);
+
+/* out[pair][row][col], plain: the weighted squared distance of the features of images p and pairs + p of x, 2 * pairs
+ * of them (enqueued). `weights`: one float per channel. The reference is hada_ref_lpips(). */
+hada_status hada_lpips_distance(hada_slot *slot, const hada_tensor *x, hada_floats weights, hada_floats out,
+                                hada_error *err);
 
 /* From now on the monitor is asked within a comparison, which may take long. NULL: nobody is asked. */
 void hada_lpips_watch(hada_lpips *lpips, const hada_monitor *monitor);

@@ -1,10 +1,11 @@
 #include "picture/drawing.h"
 
+#include <cairo-svg.h>
+#include <cairo.h>
 #include <hadalens/preview.h>
 
 #include "core/library.h"
 #include "core/outfile.h"
-#include "picture/cairo_functions.h"
 
 #ifdef __APPLE__
 #define CAIRO_FILE "libcairo.2.dylib"
@@ -12,23 +13,70 @@
 #define CAIRO_FILE "libcairo.so.2"
 #endif
 
-hada_cairo hada_cairo_api;
+/* cairo is loaded when the first picture is drawn: it brings twenty libraries, whose loading costs a millisecond at
+ * each start of a program, and another when an OpenCL platform is loaded behind them, and most programs draw nothing.
+ */
+
+/* Those that are used, without "cairo_". */
+#define CAIRO_FUNCTIONS(EACH)                                                                                          \
+    EACH(arc)                                                                                                          \
+    EACH(clip)                                                                                                         \
+    EACH(close_path)                                                                                                   \
+    EACH(create)                                                                                                       \
+    EACH(destroy)                                                                                                      \
+    EACH(fill)                                                                                                         \
+    EACH(fill_preserve)                                                                                                \
+    EACH(get_source)                                                                                                   \
+    EACH(image_surface_create)                                                                                         \
+    EACH(image_surface_get_data)                                                                                       \
+    EACH(image_surface_get_stride)                                                                                     \
+    EACH(line_to)                                                                                                      \
+    EACH(move_to)                                                                                                      \
+    EACH(new_path)                                                                                                     \
+    EACH(paint)                                                                                                        \
+    EACH(pattern_set_filter)                                                                                           \
+    EACH(recording_surface_create)                                                                                     \
+    EACH(rectangle)                                                                                                    \
+    EACH(restore)                                                                                                      \
+    EACH(rotate)                                                                                                       \
+    EACH(save)                                                                                                         \
+    EACH(select_font_face)                                                                                             \
+    EACH(set_dash)                                                                                                     \
+    EACH(set_font_size)                                                                                                \
+    EACH(set_line_join)                                                                                                \
+    EACH(set_line_width)                                                                                               \
+    EACH(set_source_rgb)                                                                                               \
+    EACH(set_source_surface)                                                                                           \
+    EACH(show_text)                                                                                                    \
+    EACH(status)                                                                                                       \
+    EACH(status_to_string)                                                                                             \
+    EACH(stroke)                                                                                                       \
+    EACH(surface_destroy)                                                                                              \
+    EACH(surface_finish)                                                                                               \
+    EACH(surface_mark_dirty)                                                                                           \
+    EACH(surface_status)                                                                                               \
+    EACH(surface_write_to_png_stream)                                                                                  \
+    EACH(svg_surface_create_for_stream)                                                                                \
+    EACH(svg_surface_set_document_unit)                                                                                \
+    EACH(text_extents)                                                                                                 \
+    EACH(translate)
+
+/* There once a drawing was made, until the process ends. */
+static struct {
+/* a declaration: its name cannot be in parentheses */
+#define MEMBER(name) __typeof__(cairo_##name) *name; /* NOLINT(bugprone-macro-parentheses) */
+    CAIRO_FUNCTIONS(MEMBER)
+#undef MEMBER
+} api;
 
 static const hada_symbol symbols[] = {
-#define ROW(name) HADA_SYMBOL(hada_cairo_api.name, "cairo_" #name),
-    HADA_CAIRO_FUNCTIONS(ROW)
+#define ROW(name) HADA_SYMBOL(api.name, "cairo_" #name),
+    CAIRO_FUNCTIONS(ROW)
 #undef ROW
 };
 
 /* Never closed: cairo keeps fonts until the process ends. */
 static hada_library library = {CAIRO_FILE, "no pictures can be drawn", "libcairo2", symbols, HADA_COUNT(symbols), 0};
-
-/* Fails with HADA_ERROR_UNSUPPORTED where cairo is not installed; afterwards the functions are there until the process
- * ends. Any thread may call, also again. */
-static hada_status cairo_load(hada_error *err)
-{
-    return hada_library_load(&library, err);
-}
 
 /* The sheet, on cairo. */
 
@@ -40,23 +88,20 @@ struct hada_drawing {
     cairo_t *cairo;
 };
 
-/* Loaded where a drawing is made, so there wherever one is. */
-static const hada_cairo *const api = &hada_cairo_api;
-
 int hada_pictures_available(void)
 {
-    return cairo_load(NULL) == HADA_OK;
+    return hada_library_load(&library, NULL) == HADA_OK;
 }
 
 static hada_status fail(hada_error *err, cairo_status_t code, const char *what)
 {
     return hada_fail(err, code == CAIRO_STATUS_NO_MEMORY ? HADA_ERROR_MEMORY : HADA_ERROR_SIZE, "%s: %s", what,
-                     api->status_to_string(code));
+                     api.status_to_string(code));
 }
 
 static void set_colour(cairo_t *cairo, hada_colour colour)
 {
-    api->set_source_rgb(cairo, (colour >> 16 & 255) / 255.0, (colour >> 8 & 255) / 255.0, (colour & 255) / 255.0);
+    api.set_source_rgb(cairo, (colour >> 16 & 255) / 255.0, (colour >> 8 & 255) / 255.0, (colour & 255) / 255.0);
 }
 
 hada_status hada_drawing_create(hada_drawing **out, double width, double height, hada_colour paper, hada_error *err)
@@ -64,17 +109,17 @@ hada_status hada_drawing_create(hada_drawing **out, double width, double height,
     hada_status status = HADA_OK;
     hada_drawing *drawing = NULL;
     *out = NULL;
-    HADA_TRY_OR_DONE(cairo_load(err));
+    HADA_TRY_OR_DONE(hada_library_load(&library, err));
     HADA_TRY_OR_DONE(HADA_NEW(drawing, 1, "a picture", err));
     const cairo_rectangle_t extents = {0, 0, width, height};
     drawing->width = width;
     drawing->height = height;
-    drawing->record = api->recording_surface_create(CAIRO_CONTENT_COLOR, &extents);
-    drawing->cairo = api->create(drawing->record);
-    if (api->status(drawing->cairo) != CAIRO_STATUS_SUCCESS)
-        HADA_TRY_OR_DONE(fail(err, api->status(drawing->cairo), "a picture"));
-    api->select_font_face(drawing->cairo, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    api->set_line_join(drawing->cairo, CAIRO_LINE_JOIN_ROUND);
+    drawing->record = api.recording_surface_create(CAIRO_CONTENT_COLOR, &extents);
+    drawing->cairo = api.create(drawing->record);
+    if (api.status(drawing->cairo) != CAIRO_STATUS_SUCCESS)
+        HADA_TRY_OR_DONE(fail(err, api.status(drawing->cairo), "a picture"));
+    api.select_font_face(drawing->cairo, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+    api.set_line_join(drawing->cairo, CAIRO_LINE_JOIN_ROUND);
     hada_drawing_fill(drawing, 0, 0, width, height, paper);
     *out = drawing;
     drawing = NULL;
@@ -89,32 +134,32 @@ void hada_drawing_destroy(hada_drawing **pointer)
     if (!drawing)
         return;
     if (drawing->cairo)
-        api->destroy(drawing->cairo);
+        api.destroy(drawing->cairo);
     if (drawing->record)
-        api->surface_destroy(drawing->record);
+        api.surface_destroy(drawing->record);
     free(drawing);
 }
 
 void hada_drawing_fill(hada_drawing *drawing, double x, double y, double width, double height, hada_colour colour)
 {
     set_colour(drawing->cairo, colour);
-    api->rectangle(drawing->cairo, x, y, width, height);
-    api->fill(drawing->cairo);
+    api.rectangle(drawing->cairo, x, y, width, height);
+    api.fill(drawing->cairo);
 }
 
 void hada_drawing_frame(hada_drawing *drawing, double x, double y, double width, double height, double thick,
                         hada_colour colour)
 {
     set_colour(drawing->cairo, colour);
-    api->set_line_width(drawing->cairo, thick);
-    api->rectangle(drawing->cairo, x - thick / 2, y - thick / 2, width + thick, height + thick);
-    api->stroke(drawing->cairo);
+    api.set_line_width(drawing->cairo, thick);
+    api.rectangle(drawing->cairo, x - thick / 2, y - thick / 2, width + thick, height + thick);
+    api.stroke(drawing->cairo);
 }
 
 static void path(cairo_t *cairo, const double *points, int count)
 {
     for (int i = 0; i < count; i++)
-        api->line_to(cairo, points[2 * i], points[2 * i + 1]);
+        api.line_to(cairo, points[2 * i], points[2 * i + 1]);
 }
 
 void hada_drawing_line(hada_drawing *drawing, const double *points, int count, hada_colour colour, double thick,
@@ -122,51 +167,51 @@ void hada_drawing_line(hada_drawing *drawing, const double *points, int count, h
 {
     static const double dashes[] = {5, 3};
     set_colour(drawing->cairo, colour);
-    api->set_line_width(drawing->cairo, thick);
-    api->set_dash(drawing->cairo, dashes, dashed ? 2 : 0, 0);
+    api.set_line_width(drawing->cairo, thick);
+    api.set_dash(drawing->cairo, dashes, dashed ? 2 : 0, 0);
     path(drawing->cairo, points, count);
-    api->stroke(drawing->cairo);
-    api->set_dash(drawing->cairo, NULL, 0, 0);
+    api.stroke(drawing->cairo);
+    api.set_dash(drawing->cairo, NULL, 0, 0);
 }
 
 static void fill_and_edge(cairo_t *cairo, hada_colour fill, hada_colour edge, double thick)
 {
     set_colour(cairo, fill);
-    api->fill_preserve(cairo);
+    api.fill_preserve(cairo);
     set_colour(cairo, edge);
-    api->set_line_width(cairo, thick);
-    api->stroke(cairo);
+    api.set_line_width(cairo, thick);
+    api.stroke(cairo);
 }
 
 void hada_drawing_polygon(hada_drawing *drawing, const double *points, int count, hada_colour fill, hada_colour edge,
                           double thick)
 {
     path(drawing->cairo, points, count);
-    api->close_path(drawing->cairo);
+    api.close_path(drawing->cairo);
     fill_and_edge(drawing->cairo, fill, edge, thick);
 }
 
 void hada_drawing_disc(hada_drawing *drawing, double x, double y, double radius, hada_colour fill, hada_colour edge,
                        double thick)
 {
-    api->arc(drawing->cairo, x, y, radius, 0, 2 * PI);
-    api->close_path(drawing->cairo);
+    api.arc(drawing->cairo, x, y, radius, 0, 2 * PI);
+    api.close_path(drawing->cairo);
     fill_and_edge(drawing->cairo, fill, edge, thick);
 }
 
 void hada_drawing_pixels(hada_drawing *drawing, int x, int y, int width, int height, const uint32_t *pixels)
 {
-    cairo_surface_t *image = api->image_surface_create(CAIRO_FORMAT_RGB24, width, height);
-    unsigned char *to = api->image_surface_get_data(image); /* NULL where the surface failed */
-    const int stride = api->image_surface_get_stride(image);
+    cairo_surface_t *image = api.image_surface_create(CAIRO_FORMAT_RGB24, width, height);
+    unsigned char *to = api.image_surface_get_data(image); /* NULL where the surface failed */
+    const int stride = api.image_surface_get_stride(image);
     for (int row = 0; to && row < height; row++)
         memcpy(to + (size_t)row * (size_t)stride, pixels + (size_t)row * (size_t)width, (size_t)width * sizeof *pixels);
-    api->surface_mark_dirty(image);
+    api.surface_mark_dirty(image);
     /* a failed surface fails the drawing with its own code */
-    api->set_source_surface(drawing->cairo, image, x, y);
-    api->pattern_set_filter(api->get_source(drawing->cairo), CAIRO_FILTER_NEAREST);
-    api->paint(drawing->cairo);
-    api->surface_destroy(image);
+    api.set_source_surface(drawing->cairo, image, x, y);
+    api.pattern_set_filter(api.get_source(drawing->cairo), CAIRO_FILTER_NEAREST);
+    api.paint(drawing->cairo);
+    api.surface_destroy(image);
 }
 
 static int is_continuation(char byte)
@@ -212,8 +257,8 @@ static void show(shown_text *shown, const char *text)
 static double width_of(hada_drawing *drawing, double size, const char *text)
 {
     cairo_text_extents_t extents = {0};
-    api->set_font_size(drawing->cairo, size);
-    api->text_extents(drawing->cairo, text, &extents);
+    api.set_font_size(drawing->cairo, size);
+    api.text_extents(drawing->cairo, text, &extents);
     return extents.x_advance;
 }
 
@@ -248,35 +293,35 @@ double hada_drawing_text(hada_drawing *drawing, double x, double y, hada_anchor 
         width = width_of(drawing, size, shown.text);
     }
     set_colour(drawing->cairo, colour);
-    api->move_to(drawing->cairo,
-                 anchor == HADA_ANCHOR_LEFT    ? x
-                 : anchor == HADA_ANCHOR_RIGHT ? x - width
-                                               : x - width / 2,
-                 y);
-    api->show_text(drawing->cairo, shown.text);
-    api->new_path(drawing->cairo);
+    api.move_to(drawing->cairo,
+                anchor == HADA_ANCHOR_LEFT    ? x
+                : anchor == HADA_ANCHOR_RIGHT ? x - width
+                                              : x - width / 2,
+                y);
+    api.show_text(drawing->cairo, shown.text);
+    api.new_path(drawing->cairo);
     return width;
 }
 
 void hada_drawing_text_up(hada_drawing *drawing, double x, double y, double size, hada_colour colour, const char *text)
 {
-    api->save(drawing->cairo);
-    api->translate(drawing->cairo, x, y);
-    api->rotate(drawing->cairo, -PI / 2);
+    api.save(drawing->cairo);
+    api.translate(drawing->cairo, x, y);
+    api.rotate(drawing->cairo, -PI / 2);
     hada_drawing_text(drawing, 0, 0, HADA_ANCHOR_MIDDLE, size, 0.0, colour, text);
-    api->restore(drawing->cairo);
+    api.restore(drawing->cairo);
 }
 
 void hada_drawing_clip(hada_drawing *drawing, double x, double y, double width, double height)
 {
-    api->save(drawing->cairo);
-    api->rectangle(drawing->cairo, x, y, width, height);
-    api->clip(drawing->cairo);
+    api.save(drawing->cairo);
+    api.rectangle(drawing->cairo, x, y, width, height);
+    api.clip(drawing->cairo);
 }
 
 void hada_drawing_unclip(hada_drawing *drawing)
 {
-    api->restore(drawing->cairo);
+    api.restore(drawing->cairo);
 }
 
 /* A file that cairo writes into, and what went wrong with it. */
@@ -297,34 +342,34 @@ static cairo_status_t write_bytes(void *closure, const unsigned char *data, unsi
 /* What was recorded onto another surface. */
 static cairo_status_t replay(const hada_drawing *drawing, cairo_surface_t *onto)
 {
-    cairo_t *cairo = api->create(onto);
-    api->set_source_surface(cairo, drawing->record, 0, 0);
-    api->paint(cairo);
-    const cairo_status_t code = api->status(cairo);
-    api->destroy(cairo);
+    cairo_t *cairo = api.create(onto);
+    api.set_source_surface(cairo, drawing->record, 0, 0);
+    api.paint(cairo);
+    const cairo_status_t code = api.status(cairo);
+    api.destroy(cairo);
     return code;
 }
 
 static cairo_status_t write_png(const hada_drawing *drawing, sink *to)
 {
     cairo_surface_t *image =
-        api->image_surface_create(CAIRO_FORMAT_RGB24, (int)(drawing->width + 0.5), (int)(drawing->height + 0.5));
+        api.image_surface_create(CAIRO_FORMAT_RGB24, (int)(drawing->width + 0.5), (int)(drawing->height + 0.5));
     cairo_status_t code = replay(drawing, image);
     if (code == CAIRO_STATUS_SUCCESS)
-        code = api->surface_write_to_png_stream(image, write_bytes, to);
-    api->surface_destroy(image);
+        code = api.surface_write_to_png_stream(image, write_bytes, to);
+    api.surface_destroy(image);
     return code;
 }
 
 static cairo_status_t write_svg(const hada_drawing *drawing, sink *to)
 {
-    cairo_surface_t *svg = api->svg_surface_create_for_stream(write_bytes, to, drawing->width, drawing->height);
-    api->svg_surface_set_document_unit(svg, CAIRO_SVG_UNIT_PX);
+    cairo_surface_t *svg = api.svg_surface_create_for_stream(write_bytes, to, drawing->width, drawing->height);
+    api.svg_surface_set_document_unit(svg, CAIRO_SVG_UNIT_PX);
     cairo_status_t code = replay(drawing, svg);
-    api->surface_finish(svg); /* writes what is left */
+    api.surface_finish(svg); /* writes what is left */
     if (code == CAIRO_STATUS_SUCCESS)
-        code = api->surface_status(svg);
-    api->surface_destroy(svg);
+        code = api.surface_status(svg);
+    api.surface_destroy(svg);
     return code;
 }
 
@@ -334,7 +379,7 @@ hada_status hada_drawing_save(hada_drawing *drawing, const char *path_to, hada_e
     sink to = {.err = err};
     int open = 0;
     const char *dot = strrchr(path_to, '.');
-    const cairo_status_t drawn = api->status(drawing->cairo);
+    const cairo_status_t drawn = api.status(drawing->cairo);
     if (drawn != CAIRO_STATUS_SUCCESS)
         HADA_TRY_OR_DONE(fail(err, drawn, path_to));
     if (!dot || (strcmp(dot, ".png") && strcmp(dot, ".svg")))

@@ -1,6 +1,6 @@
 /* The distance of features in LPIPS. */
 #include "check_net.h"
-#include "metrics/lpips_stage.h"
+#include "metrics/metrics.h"
 #include "ref/ref_lpips.h"
 
 enum { FEATURES, WEIGHTS }; /* inputs */

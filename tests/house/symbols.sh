@@ -7,6 +7,6 @@ exported=$(nm -D --defined-only "$library" | awk '{print $3}' | grep -v '^hada_'
 [ -z "$exported" ] || { echo "exported without hada_: $exported"; exit 1; }
 nm -D --defined-only "$library" | grep -q hada_context_create || { echo "hada_context_create is not exported"; exit 1; }
 if readelf -d "$library" | grep NEEDED | grep -q cairo; then
-    echo "cairo is linked: it costs every program that draws nothing (lib/picture/cairo_functions.h)"
+    echo "cairo is linked: it costs every program that draws nothing (lib/picture/drawing.c)"
     exit 1
 fi

@@ -52,7 +52,7 @@ static void defaults(void *user)
 /* "0.5,2" */
 static hada_status read_magnification(const char *text, hada_register_task *task, hada_error *err)
 {
-    char *copy = strdup(text), *comma = copy ? strchr(copy, ',') : NULL;
+    char *copy = hada_cli_text("%s", text), *comma = strchr(copy, ',');
     if (comma)
         *comma++ = 0;
     const int good = comma && hada_cli_read_real(copy, &task->least_magnification) &&

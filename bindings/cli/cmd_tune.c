@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST = HADA_CLI_TEXTS };
+enum { MOST = HADA_CLI_TEXTS + 1 }; /* sizes: one of the model */
 
 typedef struct settings {
     hada_cli_common common;
@@ -33,9 +33,7 @@ static const hada_cli_option options[] = {
 };
 
 typedef struct work {
-    const char *output;
-    int rounds;
-    int sizes[MOST + 1][2], size_count;
+    int sizes[MOST][2], size_count;
 } work;
 
 static hada_status read_sizes(const settings *set, work *todo, hada_error *err)
@@ -67,14 +65,6 @@ static hada_status read_model(const char *path, work *todo, hada_error *err)
 done:
     hada_model_destroy(&model);
     return status;
-}
-
-static hada_status find_work(const settings *set, work *todo, hada_error *err)
-{
-    HADA_TRY(read_sizes(set, todo, err));
-    if (set->model)
-        HADA_TRY(read_model(set->model, todo, err));
-    return HADA_OK;
 }
 
 static json_t *time_json(const hada_tune_time *time)
@@ -109,7 +99,8 @@ static json_t *row_json(const hada_tune_row *row)
                      hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)row->chosen));
 }
 
-static hada_status tune_transforms(hada_cli *cli, hada_context *context, const work *todo, hada_error *err)
+static hada_status tune_transforms(hada_cli *cli, const settings *set, hada_context *context, const work *todo,
+                                   hada_error *err)
 {
     hada_tune_row rows[MOST];
     hada_status status = HADA_OK;
@@ -118,7 +109,7 @@ static hada_status tune_transforms(hada_cli *cli, hada_context *context, const w
     json_object_set_new(cli->document, "sizes", all);
     hada_cli_progress_begin(cli, &progress, "transforms", todo->size_count);
     for (int i = 0; i < todo->size_count; i++) {
-        const int rounds = todo->rounds ? todo->rounds : HADA_AUTO;
+        const int rounds = set->rounds ? set->rounds : HADA_AUTO;
         HADA_TRY_OR_DONE(hada_cli_check_signals(err));
         HADA_TRY_OR_DONE(hada_tune_fft(context, todo->sizes[i][0], todo->sizes[i][1], rounds, &rows[i], err));
         if (!i)
@@ -129,21 +120,10 @@ static hada_status tune_transforms(hada_cli *cli, hada_context *context, const w
         hada_cli_progress_step(cli, NULL);
     }
     if (todo->size_count)
-        HADA_TRY_OR_DONE(hada_tune_save(context, todo->output, rows, (size_t)todo->size_count, err));
+        HADA_TRY_OR_DONE(hada_tune_save(context, set->output, rows, (size_t)todo->size_count, err));
 done:
     hada_cli_progress_end(cli);
     return status;
-}
-
-static hada_status tune(hada_cli *cli, const settings *set, hada_context *context, hada_error *err)
-{
-    work todo = {.output = set->output, .rounds = set->rounds};
-    HADA_TRY(find_work(set, &todo, err));
-    HADA_TRY(tune_transforms(cli, context, &todo, err));
-    hada_cli_say(cli, "\nMilliseconds, medians of a batch. Wrote %s; it is used where HADALENS_TUNING names it.",
-                 set->output);
-    json_object_set_new(cli->document, "output", hada_cli_json_text(set->output));
-    return HADA_OK;
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
@@ -160,7 +140,12 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "%s", err.message);
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
-    HADA_TRY_OR_DONE(tune(cli, set, context, &err));
+    if (set->model)
+        HADA_TRY_OR_DONE(read_model(set->model, &todo, &err));
+    HADA_TRY_OR_DONE(tune_transforms(cli, set, context, &todo, &err));
+    hada_cli_say(cli, "\nMilliseconds, medians of a batch. Wrote %s; it is used where HADALENS_TUNING names it.",
+                 set->output);
+    json_object_set_new(cli->document, "output", hada_cli_json_text(set->output));
 done:
     hada_cli_close(cli, &context);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;

@@ -97,7 +97,9 @@ int hada_cli_program(int argc, char **argv, const hada_cli_ranks *ranks);
 int hada_cli_exit_code(hada_status status);
 hada_monitor hada_cli_monitor(hada_cli *cli);
 
-/* Formatted text on the heap; NULL when memory is out. */
+/* Memory, all 0, and formatted text on the heap. Where there is no more the program says so and ends. */
+void *hada_cli_memory(size_t count, size_t size);
+void *hada_cli_longer(void *memory, size_t size); /* as realloc() */
 char *hada_cli_text(const char *format, ...) HADA_CLI_PRINTF(1, 2);
 
 /* Adds to what `text` of so many bytes holds. */

@@ -73,7 +73,7 @@ static hada_status add_entry(hada_cli *cli, hada_cli_contexts *devices, const ch
     hada_status status = HADA_OK;
     for (int part = 1; part <= parts; part++) {
         char *words = hada_cli_text("%.*s:%d/%d", (int)(slash - entry), entry, part, parts);
-        status = words ? add_device(cli, devices, words, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        status = add_device(cli, devices, words, err);
         free(words);
         HADA_TRY(status);
     }
@@ -85,8 +85,6 @@ hada_status hada_cli_open_all(hada_cli *cli, hada_cli_contexts *devices, hada_er
     const char *named = cli->common->device ? cli->common->device : getenv("HADALENS_DEVICE");
     char *list = hada_cli_text("%s", named ? named : "");
     hada_status status = HADA_OK;
-    if (!list)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (char *entry = list, *next; entry; entry = next) {
         next = strchr(entry, ',');
         if (next)

@@ -8,6 +8,7 @@
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
@@ -42,6 +43,26 @@ int hada_cli_exit_code(hada_status status)
     return HADA_EXIT_SOME;
 }
 
+static void *needed(void *memory)
+{
+    if (!memory) {
+        fputs("hadalens: out of memory\n", stderr);
+        hada_outputs_remove();
+        exit(HADA_EXIT_MEMORY);
+    }
+    return memory;
+}
+
+void *hada_cli_memory(size_t count, size_t size)
+{
+    return needed(calloc(count + !count, size));
+}
+
+void *hada_cli_longer(void *memory, size_t size)
+{
+    return needed(realloc(memory, size));
+}
+
 char *hada_cli_text(const char *format, ...)
 {
     char *text = NULL;
@@ -49,7 +70,7 @@ char *hada_cli_text(const char *format, ...)
     va_start(arguments, format);
     const int length = vasprintf(&text, format, arguments);
     va_end(arguments);
-    return length < 0 ? NULL : text;
+    return needed(length < 0 ? NULL : text);
 }
 
 void hada_cli_append(char *text, size_t size, const char *format, ...)

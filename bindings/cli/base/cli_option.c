@@ -224,9 +224,7 @@ static hada_status bad_option(poptContext context, int code, rows *all, hada_err
 /* Whatever names a file that is there and is not an option's to write. */
 static hada_status protect_inputs(hada_cli_parsed *parsed, const char **named, int count, hada_error *err)
 {
-    const char **all = calloc((size_t)(count + parsed->count) + 1, sizeof *all);
-    if (!all)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    const char **all = hada_cli_memory((size_t)(count + parsed->count), sizeof *all);
     for (int i = 0; i < count; i++)
         all[i] = named[i];
     for (int i = 0; i < parsed->count; i++)
@@ -260,12 +258,10 @@ static hada_status store_all(const hada_cli_command *command, void *settings, co
 static hada_status parse_all(hada_cli_parsed *parsed, const hada_cli_command *command, rows *all, size_t letters,
                              hada_error *err)
 {
-    given *list = calloc(letters + 1, sizeof *list);
-    const char **named = calloc(letters + 1, sizeof *named);
+    given *list = hada_cli_memory(letters, sizeof *list);
+    const char **named = hada_cli_memory(letters, sizeof *named);
     hada_status status = HADA_OK;
     int value, count = 0, names = 0;
-    if (!list || !named)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     while ((value = poptGetNextOpt(parsed->popt)) > 0) {
         char *text = poptGetOptArg(parsed->popt);
         list[count] = (given){all->items[value - 1], text ? text : ""};
@@ -324,10 +320,8 @@ hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *comm
     hada_cli_each_option(command, collect, &all);
     fill_table(table, &all, command->renamed);
     memset(parsed, 0, sizeof *parsed);
-    parsed->settings = calloc(1, command->settings_size);
-    parsed->texts = calloc((size_t)argc + 1, sizeof *parsed->texts);
-    if (!parsed->settings || !parsed->texts)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    parsed->settings = hada_cli_memory(1, command->settings_size);
+    parsed->texts = hada_cli_memory((size_t)argc, sizeof *parsed->texts);
     parsed->popt = poptGetContext("hadalens", argc, argv, table, 0);
     return parse_all(parsed, command, &all, letters, err);
 }

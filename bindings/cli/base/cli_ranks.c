@@ -91,9 +91,7 @@ static char *share(const hada_communicator *all, int root, char *text)
     size_t length = text ? strlen(text) : 0;
     if (all->broadcast(all->user, root, &length, sizeof length, NULL))
         return NULL;
-    char *copy = calloc(length + 1, 1);
-    if (!copy)
-        exit(HADA_EXIT_MEMORY); /* the others would wait */
+    char *copy = hada_cli_memory(length + 1, 1);
     if (text)
         memcpy(copy, text, length + 1);
     all->broadcast(all->user, root, copy, length, NULL);

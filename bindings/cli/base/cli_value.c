@@ -89,9 +89,7 @@ static int mark(const char **text, const double *distances_mm, int count, char *
 hada_status hada_cli_read_depths(const char *option, const char *text, const double *distances_mm, int count, int *out,
                                  int *found, hada_error *err)
 {
-    char *wanted = calloc((size_t)count, 1);
-    if (!wanted)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    char *wanted = hada_cli_memory((size_t)count, 1);
     const char *rest = text;
     int good = 1;
     do {

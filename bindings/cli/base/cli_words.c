@@ -23,9 +23,9 @@ json_t *hada_cli_json_text(const char *text)
 {
     static const char unknown[] = "\xef\xbf\xbd"; /* U+FFFD */
     json_t *plain = json_string(text);
-    char *mended = plain || !text ? NULL : malloc((sizeof unknown - 1) * strlen(text) + 1), *to = mended;
-    if (!mended)
+    if (plain || !text)
         return plain;
+    char *mended = hada_cli_memory((sizeof unknown - 1) * strlen(text) + 1, 1), *to = mended;
     for (size_t bytes; *text; text += bytes ? bytes : 1) {
         bytes = character(text);
         to = bytes ? (char *)memcpy(to, text, bytes) + bytes : stpcpy(to, unknown);

@@ -67,13 +67,13 @@ typedef struct hada_bench {
     int count, room;
 } hada_bench;
 
-/* A row of that name, with NaN and 0 in what does not apply. */
-hada_bench_row hada_bench_row_of(const char *device, const char *workload, hada_bench_group group, const char *unit,
-                                 int better, hada_bench_figure value, const char *name, ...) HADA_CLI_PRINTF(7, 8);
-hada_status hada_bench_add(hada_bench *bench, const hada_bench_row *row, hada_error *err);
+/* Adds a row of that name, with NaN and 0 in what does not apply, which may be set in what it returns. */
+hada_bench_row *hada_bench_add(hada_bench *bench, const char *device, const char *workload, hada_bench_group group,
+                               const char *unit, int better, hada_bench_figure value, const char *name, ...)
+    HADA_CLI_PRINTF(8, 9);
 const hada_bench_row *hada_bench_find(const hada_bench *bench, const char *device, const char *workload,
                                       hada_bench_group group, const char *name);
-/* All rows of a group, those of the longest time first, to be freed; NULL: no memory, and none are counted. */
+/* All rows of a group, those of the longest time first, to be freed. */
 const hada_bench_row **hada_bench_rows_of(const hada_bench *bench, const char *device, const char *workload,
                                           hada_bench_group group, int *count);
 

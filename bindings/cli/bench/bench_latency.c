@@ -58,41 +58,34 @@ done:
 }
 
 /* A row of the workload on a device, in a mode. */
-static hada_status add(latency *work, const char *device, hada_bench_group group, const char *mode, const char *what,
-                       const char *unit, const double *values, int count, double factor, hada_error *err)
+static void add(latency *work, const char *device, hada_bench_group group, const char *mode, const char *what,
+                const char *unit, const double *values, int count, double factor)
 {
     double copy[MOST];
     memcpy(copy, values, (size_t)count * sizeof *copy);
     const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(copy, count), factor);
-    const hada_bench_row row =
-        hada_bench_row_of(device, work->workload->name, group, unit, -1, figure, "%s, %s", mode, what);
-    return hada_bench_add(work->bench, &row, err);
+    hada_bench_add(work->bench, device, work->workload->name, group, unit, -1, figure, "%s, %s", mode, what);
 }
 
-static hada_status add_latency(latency *work, const char *device, const char *mode, const double *values, int count,
-                               hada_error *err)
+static void add_latency(latency *work, const char *device, const char *mode, const double *values, int count)
 {
     const double each = 1e3 / work->result.depths;
-    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, mode, "frame", "ms", values, count, 1e3, err));
-    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, mode, "depth", "ms", values, count, each, err));
+    add(work, device, HADA_BENCH_LATENCY, mode, "frame", "ms", values, count, 1e3);
+    add(work, device, HADA_BENCH_LATENCY, mode, "depth", "ms", values, count, each);
     for (int s = 0; s < HADA_BENCH_STAGES; s++)
-        HADA_TRY(add(work, device, HADA_BENCH_STAGE, mode, hada_bench_stage_names[s], "ms", work->stage[s], count, each,
-                     err));
-    return HADA_OK;
+        add(work, device, HADA_BENCH_STAGE, mode, hada_bench_stage_names[s], "ms", work->stage[s], count, each);
 }
 
-static hada_status add_kernels(latency *work, const char *device, const char *mode, int count, hada_error *err)
+static void add_kernels(latency *work, const char *device, const char *mode, int count)
 {
     for (int k = 0; k < work->kernels; k++) {
         const hada_kernel_time *kernel = &work->kernel[k];
         const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(work->seconds[k], count), 1e3);
-        hada_bench_row row = hada_bench_row_of(device, work->workload->name, HADA_BENCH_KERNEL, "ms", -1, figure,
-                                               "%s, %s, %s", mode, kernel->stage, kernel->name);
-        row.bytes = kernel->bytes;
-        row.flops = kernel->flops;
-        HADA_TRY(hada_bench_add(work->bench, &row, err));
+        hada_bench_row *row = hada_bench_add(work->bench, device, work->workload->name, HADA_BENCH_KERNEL, "ms", -1,
+                                             figure, "%s, %s, %s", mode, kernel->stage, kernel->name);
+        row->bytes = kernel->bytes;
+        row->flops = kernel->flops;
     }
-    return HADA_OK;
 }
 
 /* What the first frame asks of the device, and the time that it should take by that (docs/reference/measures.md),
@@ -138,8 +131,7 @@ static hada_status add_calls(latency *work, const hada_bench_device *device, con
                 {"share of bandwidth", "%", 100 * bytes / busy / peak[HADA_BENCH_COPY]},
                 {"share of arithmetic", "%", 100 * flops / busy / peak[HADA_BENCH_ARITHMETIC]}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
-        HADA_TRY(add(work, device->info.name, HADA_BENCH_CALLS, mode, rows[i].name, rows[i].unit, &rows[i].value, 1, 1,
-                     err));
+        add(work, device->info.name, HADA_BENCH_CALLS, mode, rows[i].name, rows[i].unit, &rows[i].value, 1, 1);
     return HADA_OK;
 }
 
@@ -161,14 +153,13 @@ static hada_status measure(latency *work, hada_bench_device *device, int mode, h
         HADA_TRY_OR_DONE(run_frame(work, i, values, err));
     const uint64_t held = hada_cli_context_info(device->context).peak_bytes - before;
     HADA_TRY_OR_DONE(hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err));
-    HADA_TRY_OR_DONE(add_latency(work, device->info.name, name, values, count, err));
+    add_latency(work, device->info.name, name, values, count);
     const double bytes[] = {(double)stated, (double)held, (double)host};
     static const char *const words[] = {"stated on the device", "held at most on the device", "stated on the host"};
     for (int i = 0; i < 3; i++)
-        HADA_TRY_OR_DONE(
-            add(work, device->info.name, HADA_BENCH_MEMORY, name, words[i], "bytes", &bytes[i], 1, 1, err));
+        add(work, device->info.name, HADA_BENCH_MEMORY, name, words[i], "bytes", &bytes[i], 1, 1);
     HADA_TRY_OR_DONE(hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err));
-    HADA_TRY_OR_DONE(add_kernels(work, device->info.name, name, count, err));
+    add_kernels(work, device->info.name, name, count);
     HADA_TRY_OR_DONE(add_calls(work, device, name, err));
 done:
     hada_plan_destroy(&work->plan);
@@ -183,9 +174,7 @@ hada_status hada_bench_latency(hada_bench *bench, hada_bench_device *device, con
         /* a model without transfer functions cannot refine */
         if (mode && !hada_model_get_info(workload->model)->has_otf)
             break;
-        latency *work = calloc(1, sizeof *work);
-        if (!work)
-            return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        latency *work = hada_cli_memory(1, sizeof *work);
         work->bench = bench;
         work->workload = workload;
         const hada_status measured = measure(work, device, mode, err);
@@ -215,11 +204,9 @@ hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_
     }
     for (int p = 0; p < HADA_BENCH_PEAKS; p++) {
         const hada_bench_figure figure = hada_bench_figure_of(found[p], TIMES);
-        const hada_bench_row row =
-            hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, peaks[p].unit, peaks[p].better,
-                              hada_bench_scaled(figure, peaks[p].factor), "%s", peaks[p].name);
+        hada_bench_add(bench, device->info.name, "", HADA_BENCH_PEAK, peaks[p].unit, peaks[p].better,
+                       hada_bench_scaled(figure, peaks[p].factor), "%s", peaks[p].name);
         device->peak[p] = figure.median;
-        HADA_TRY(hada_bench_add(bench, &row, err));
     }
     return HADA_OK;
 }

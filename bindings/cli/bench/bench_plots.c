@@ -163,11 +163,9 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
                          *flops = hada_bench_find(bench, place->device, "", HADA_BENCH_PEAK, "float32 arithmetic");
     int all, count = 0, n = 0;
     const hada_bench_row **list = hada_bench_rows_of(bench, place->device, place->workload, HADA_BENCH_KERNEL, &all);
-    double *x = calloc(2 * (size_t)bench->count + 8, sizeof *x), *y = x ? x + bench->count + 4 : NULL;
+    double *x = hada_cli_memory(2 * (size_t)bench->count + 8, sizeof *x), *y = x + bench->count + 4;
     hada_plot *plot = NULL;
     hada_status status = HADA_OK;
-    if (!list || !x)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (int i = 0; i < all; i++) /* what has operations and traffic has a place on a roofline */
         if (list[i]->flops > 0 && list[i]->bytes > 0 && list[i]->value.median > 0)
             list[count++] = list[i];
@@ -363,19 +361,12 @@ static hada_status plot_error(const hada_bench *bench, const hada_bench_place *p
                               hada_error *err)
 {
     const size_t room = (size_t)bench->count + 1;
-    panel_data data = {.x = calloc(4 * room, sizeof *data.x)};
+    panel_data data = {.x = hada_cli_memory(4 * room, sizeof *data.x)};
     data.rows = hada_bench_rows_of(bench, place->device, place->workload, HADA_BENCH_SWEEP, &data.count);
-    hada_status status = HADA_OK;
-    if (!data.rows || !data.x) {
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-        goto done;
-    }
     data.y = data.x + room;
     data.front_x = data.y + room;
     data.front_y = data.front_x + room;
-    if (data.count)
-        HADA_TRY_OR_DONE(draw_figure(place, &data, folder, err));
-done:
+    const hada_status status = data.count ? draw_figure(place, &data, folder, err) : HADA_OK;
     free(data.rows);
     free(data.x);
     return status;

@@ -30,32 +30,23 @@ void hada_bench_mode_options(int mode, hada_plan_options *options)
         options->refine = 0;
 }
 
-hada_bench_row hada_bench_row_of(const char *device, const char *workload, hada_bench_group group, const char *unit,
-                                 int better, hada_bench_figure value, const char *name, ...)
-{
-    va_list arguments;
-    hada_bench_row row = {.group = group, .unit = unit, .better = better, .value = value};
-    row.error = row.bound = row.psnr = row.psnr_in_focus = NAN;
-    snprintf(row.device, sizeof row.device, "%s", device);
-    snprintf(row.workload, sizeof row.workload, "%s", workload);
-    va_start(arguments, name);
-    vsnprintf(row.name, sizeof row.name, name, arguments);
-    va_end(arguments);
-    return row;
-}
-
-hada_status hada_bench_add(hada_bench *bench, const hada_bench_row *row, hada_error *err)
+hada_bench_row *hada_bench_add(hada_bench *bench, const char *device, const char *workload, hada_bench_group group,
+                               const char *unit, int better, hada_bench_figure value, const char *name, ...)
 {
     if (bench->count == bench->room) {
-        const int room = bench->room ? 2 * bench->room : 64;
-        hada_bench_row *rows = realloc(bench->rows, (size_t)room * sizeof *rows);
-        if (!rows)
-            return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-        bench->rows = rows;
-        bench->room = room;
+        bench->room = bench->room ? 2 * bench->room : 64;
+        bench->rows = hada_cli_longer(bench->rows, (size_t)bench->room * sizeof *bench->rows);
     }
-    bench->rows[bench->count++] = *row;
-    return HADA_OK;
+    hada_bench_row *row = &bench->rows[bench->count++];
+    va_list arguments;
+    *row = (hada_bench_row){.group = group, .unit = unit, .better = better, .value = value};
+    row->error = row->bound = row->psnr = row->psnr_in_focus = NAN;
+    snprintf(row->device, sizeof row->device, "%s", device);
+    snprintf(row->workload, sizeof row->workload, "%s", workload);
+    va_start(arguments, name);
+    vsnprintf(row->name, sizeof row->name, name, arguments);
+    va_end(arguments);
+    return row;
 }
 
 const hada_bench_row *hada_bench_find(const hada_bench *bench, const char *device, const char *workload,
@@ -101,15 +92,14 @@ static int by_time(const void *a, const void *b)
 const hada_bench_row **hada_bench_rows_of(const hada_bench *bench, const char *device, const char *workload,
                                           hada_bench_group group, int *count)
 {
-    const hada_bench_row **rows = calloc((size_t)bench->count + 1, sizeof *rows);
+    const hada_bench_row **rows = hada_cli_memory((size_t)bench->count, sizeof *rows);
     *count = 0;
-    for (int i = 0; rows && i < bench->count; i++) {
+    for (int i = 0; i < bench->count; i++) {
         const hada_bench_row *row = &bench->rows[i];
         if (row->group == group && !strcmp(row->device, device) && !strcmp(row->workload, workload))
             rows[(*count)++] = row;
     }
-    if (rows)
-        qsort(rows, (size_t)*count, sizeof *rows, by_time);
+    qsort(rows, (size_t)*count, sizeof *rows, by_time);
     return rows;
 }
 

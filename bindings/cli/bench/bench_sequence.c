@@ -34,10 +34,8 @@ static hada_status draw(film *f, hada_simulator *simulator, int drift, hada_erro
     hada_image whole = {0}, parts[OCCUPIED] = {{0}};
     hada_plane planes[OCCUPIED];
     hada_status status = HADA_OK;
-    int *labels = calloc((size_t)rows * (size_t)wide, sizeof *labels);
+    int *labels = hada_cli_memory((size_t)rows * (size_t)wide, sizeof *labels);
     f->count = camera->depths < OCCUPIED ? camera->depths : OCCUPIED;
-    if (!labels)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     HADA_TRY_OR_DONE(hada_scene_procedural(&whole, SEED, camera->channels, rows, wide, err));
     HADA_TRY_OR_DONE(hada_scene_regions(labels, SEED, f->count, rows, wide, err));
     for (int k = 0; k < f->count; k++)
@@ -92,11 +90,10 @@ static hada_status measure(hada_bench *bench, hada_bench_device *device, const h
     HADA_TRY_OR_DONE(hada_bench_repeat(bench, run_film, f, bench->rounds, values, &count, err));
     for (int i = 0; i < count; i++)
         values[i] = 1.0 / values[i];
-    hada_bench_row row = hada_bench_row_of(device->info.name, workload->name, HADA_BENCH_SEQUENCE, "frames/s", 1,
-                                           hada_bench_figure_of(values, count), "%s, %s", name,
-                                           warm ? "from the frame before" : "from nothing");
-    row.psnr = hada_bench_psnr(&f->likeness);
-    HADA_TRY_OR_DONE(hada_bench_add(bench, &row, err));
+    hada_bench_row *row = hada_bench_add(bench, device->info.name, workload->name, HADA_BENCH_SEQUENCE, "frames/s", 1,
+                                         hada_bench_figure_of(values, count), "%s, %s", name,
+                                         warm ? "from the frame before" : "from nothing");
+    row->psnr = hada_bench_psnr(&f->likeness);
 done:
     hada_plan_destroy(&f->plan);
     return status;
@@ -109,9 +106,7 @@ hada_status hada_bench_sequence(hada_bench *bench, hada_bench_device *device, co
     hada_camera camera = {.size = sizeof camera};
     hada_simulator *simulator = NULL;
     hada_status status = HADA_OK;
-    film *f = calloc(1, sizeof *f);
-    if (!f)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    film *f = hada_cli_memory(1, sizeof *f);
     HADA_TRY_OR_DONE(hada_camera_preset(&camera, workload->name, err));
     HADA_TRY_OR_DONE(hada_simulator_create(&simulator, device->context, &camera, NULL, err));
     for (int drift = 0; drift < 2; drift++) {
@@ -122,10 +117,8 @@ hada_status hada_bench_sequence(hada_bench *bench, hada_bench_device *device, co
     }
 done:
     hada_simulator_destroy(&simulator);
-    if (f) {
-        clear(f);
-        hada_result_destroy(&f->result);
-    }
+    clear(f);
+    hada_result_destroy(&f->result);
     free(f);
     return status;
 }

@@ -80,11 +80,10 @@ static char **environment_with(const char *folder)
     size_t count = 0, n = 0;
     while (environ[count])
         count++;
-    char **all = calloc(count + VARIABLES + 1, sizeof *all);
-    for (; all && n < VARIABLES; n++)
-        if (!(all[n] = hada_cli_text("%s=%s", cache_variables[n], folder)))
-            return all;
-    for (size_t i = 0; all && i < count; i++) {
+    char **all = hada_cli_memory(count + VARIABLES + 1, sizeof *all);
+    for (; n < VARIABLES; n++)
+        all[n] = hada_cli_text("%s=%s", cache_variables[n], folder);
+    for (size_t i = 0; i < count; i++) {
         int replaced = !strncmp(environ[i], own_variable, strlen(own_variable));
         for (size_t k = 0; k < VARIABLES; k++) {
             const size_t length = strlen(cache_variables[k]);
@@ -153,28 +152,23 @@ static hada_status one_start(hada_bench *bench, const hada_bench_device *device,
         words[count++] = device->common.shape;
     }
     hada_status status = HADA_OK;
-    if (!(output && environment && environment[VARIABLES - 1]))
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     HADA_TRY_OR_DONE(spawn((char *const *)words, environment, output, &seconds[0], err));
     HADA_TRY_OR_DONE(read_steps(output, seconds, err));
 done:
-    for (int i = 0; environment && i < VARIABLES; i++)
+    for (int i = 0; i < VARIABLES; i++)
         free(environment[i]);
     free(environment);
     free(output);
     return status;
 }
 
-static hada_status add_rows(hada_bench *bench, const hada_bench_device *device, const char *workload, const char *kind,
-                            double values[STEPS][MOST], int count, hada_error *err)
+static void add_rows(hada_bench *bench, const hada_bench_device *device, const char *workload, const char *kind,
+                     double values[STEPS][MOST], int count)
 {
-    for (int i = 0; i < STEPS; i++) {
-        const hada_bench_row row = hada_bench_row_of(device->info.name, workload, HADA_BENCH_START, "s", -1,
-                                                     hada_bench_figure_of(values[i], count), "%s, %s, %s",
-                                                     hada_bench_mode_names[!bench->quick], kind, step_names[i]);
-        HADA_TRY(hada_bench_add(bench, &row, err));
-    }
-    return HADA_OK;
+    for (int i = 0; i < STEPS; i++)
+        hada_bench_add(bench, device->info.name, workload, HADA_BENCH_START, "s", -1,
+                       hada_bench_figure_of(values[i], count), "%s, %s, %s", hada_bench_mode_names[!bench->quick], kind,
+                       step_names[i]);
 }
 
 static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *device, const char *workload,
@@ -193,8 +187,7 @@ static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *dev
                 hada_folder_remove(caches);
             free(caches);
             caches = hada_cli_text("%s/caches-%s-%d", bench->scratch, device->index, i);
-            HADA_TRY_OR_DONE(caches ? hada_folder_ensure(caches, err)
-                                    : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+            HADA_TRY_OR_DONE(hada_folder_ensure(caches, err));
         }
         HADA_TRY_OR_DONE(one_start(bench, device, model, frame, caches, seconds, err));
         for (int s = 0; s < STEPS; s++)
@@ -202,8 +195,8 @@ static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *dev
         count[warm]++;
         hada_cli_progress_step(bench->cli, NULL);
     }
-    HADA_TRY_OR_DONE(add_rows(bench, device, workload, "cold", values[0], count[0], err));
-    HADA_TRY_OR_DONE(add_rows(bench, device, workload, "warm", values[1], count[1], err));
+    add_rows(bench, device, workload, "cold", values[0], count[0]);
+    add_rows(bench, device, workload, "warm", values[1], count[1]);
 done:
     if (caches)
         hada_folder_remove(caches);
@@ -218,8 +211,6 @@ hada_status hada_bench_start(hada_bench *bench, hada_bench_device *device, const
     char *model = hada_cli_text("%s/start.model", bench->scratch),
          *frame = hada_cli_text("%s/start.tif", bench->scratch);
     hada_status status = HADA_OK;
-    if (!(model && frame))
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     HADA_TRY_OR_DONE(hada_model_save(workload->model, model, err));
     HADA_TRY_OR_DONE(hada_tiff_save(frame, &workload->raw[0], NULL, err));
     hada_cli_progress_begin(bench->cli, &progress, "cold and warm starts", (bench->quick ? 1 : COLD) + WARM);

@@ -128,14 +128,14 @@ static double relative_l2(const hada_result *a, const hada_result *b)
 }
 
 /* Against the truth of the first frame: over the planes that are occupied in it, and of the all-in-focus image. */
-static hada_status judge(const sweep *w, hada_bench_row *row, hada_error *err)
+static void judge(const sweep *w, hada_bench_row *row)
 {
     const hada_image *truth = w->workload->truth;
     hada_bench_likeness planes = {0}, picture = {0};
     const size_t count = hada_image_count(&w->now.all_in_focus);
-    float *whole = truth ? calloc(count, sizeof *whole) : NULL;
-    if (!whole)
-        return truth ? hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory") : HADA_OK;
+    if (!truth)
+        return;
+    float *whole = hada_cli_memory(count, sizeof *whole);
     for (int z = 0; z < w->now.depths; z++) {
         if (!truth[z].data)
             continue;
@@ -147,7 +147,6 @@ static hada_status judge(const sweep *w, hada_bench_row *row, hada_error *err)
     free(whole);
     row->psnr = hada_bench_psnr(&planes);
     row->psnr_in_focus = hada_bench_psnr(&picture);
-    return HADA_OK;
 }
 
 typedef struct one {
@@ -191,8 +190,8 @@ static hada_status model_of(sweep *w, hada_bench_method method, const hada_model
     return status;
 }
 
-/* A setting that the model or the device cannot do gets no row; *row is empty then (no unit). */
-static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row *row, hada_error *err)
+/* A setting that the model or the device cannot do gets no row. */
+static hada_status measure(sweep *w, const hada_bench_setting *s, hada_error *err)
 {
     hada_plan_options options;
     one work = {.w = w};
@@ -206,7 +205,6 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
     options.max_error = s->max_error;
     hada_context *context = s->clfft ? w->clfft : w->device->context;
     const hada_model *model = NULL;
-    row->unit = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(model_of(w, s->method, &model, err));
     HADA_TRY_OR_DONE(hada_plan_create(&work.plan, context, model, &options, err));
@@ -216,8 +214,8 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
     swap(&work.result, &w->now);
     HADA_TRY_OR_DONE(hada_bench_repeat(w->bench, run_frame, &work, w->bench->rounds, values, &count, err));
     name_of(s, name, sizeof name);
-    *row = hada_bench_row_of(w->device->info.name, w->workload->name, HADA_BENCH_SWEEP, "ms", -1,
-                             hada_bench_scaled(hada_bench_figure_of(values, count), 1e3), "%s", name);
+    hada_bench_row *row = hada_bench_add(w->bench, w->device->info.name, w->workload->name, HADA_BENCH_SWEEP, "ms", -1,
+                                         hada_bench_scaled(hada_bench_figure_of(values, count), 1e3), "%s", name);
     row->setting = *s;
     row->bound = bound;
     const int is_dense = !s->skip && !s->half && !s->clfft;
@@ -230,7 +228,7 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
             hada_cli_warn(w->bench->cli, "%s: the stack changed by %.3g, more than the bound of %g that was asked for",
                           name, row->error, s->max_error);
     }
-    HADA_TRY_OR_DONE(judge(w, row, err));
+    judge(w, row);
     if (is_dense) {
         swap(&w->now, &w->dense);
         w->dense_method = (int)s->method;
@@ -252,8 +250,6 @@ static hada_status open_clfft(sweep *w, hada_error *err)
     if (w->bench->quick || large(w) || !w->device->info.has_compiler || w->device->common.binaries)
         return HADA_OK;
     char *file = hada_cli_text("%s/tuning-%s.txt", w->bench->scratch, w->device->index);
-    if (!file)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     hada_context_options_init(&options);
     options.device = w->device->index;
     options.tuning = file;
@@ -270,7 +266,7 @@ done:
 static void mark_front(sweep *w, int first)
 {
     hada_bench *bench = w->bench;
-    double cost[SETTINGS], loss[SETTINGS];
+    double cost[SETTINGS] = {0}, loss[SETTINGS] = {0};
     int front[SETTINGS];
     const int count = bench->count - first;
     for (int i = 0; i < count; i++) {
@@ -286,10 +282,8 @@ static void mark_front(sweep *w, int first)
 hada_status hada_bench_sweep(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
                              hada_error *err)
 {
-    sweep *w = calloc(1, sizeof *w);
+    sweep *w = hada_cli_memory(1, sizeof *w);
     hada_cli_progress progress;
-    if (!w)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     w->bench = bench;
     w->device = device;
     w->workload = workload;
@@ -300,10 +294,7 @@ hada_status hada_bench_sweep(hada_bench *bench, hada_bench_device *device, const
     const int first = bench->count;
     hada_cli_progress_begin(bench->cli, &progress, "settings", w->count);
     for (int i = 0; i < w->count; i++) {
-        hada_bench_row row;
-        HADA_TRY_OR_DONE(measure(w, &w->list[i], &row, err));
-        if (row.unit) /* else it is left out */
-            HADA_TRY_OR_DONE(hada_bench_add(bench, &row, err));
+        HADA_TRY_OR_DONE(measure(w, &w->list[i], err));
         hada_cli_progress_step(bench->cli, NULL);
     }
     mark_front(w, first);

@@ -72,22 +72,19 @@ done:
 }
 
 /* Of two sets of rounds: what the second way hides, round by round. */
-static hada_status add_overlap(hada_bench *bench, hada_bench_device *device, stream *s, const char *mode,
-                               const double *one, int ones, const double *two, int twos, double kernels,
-                               hada_error *err)
+static void add_overlap(hada_bench *bench, hada_bench_device *device, stream *s, const char *mode, const double *one,
+                        int ones, const double *two, int twos, double kernels)
 {
     double hidden[MOST];
     const int count = ones < twos ? ones : twos;
     for (int i = 0; i < count; i++) {
         const double rest = one[i] - kernels;
         if (rest < LEAST_REST * one[i])
-            return HADA_OK; /* hardly anything beside kernels to hide: the ratio would be noise */
+            return; /* hardly anything beside kernels to hide: the ratio would be noise */
         hidden[i] = 100 * (one[i] - two[i]) / rest;
     }
-    const hada_bench_row row =
-        hada_bench_row_of(device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT, "%", 1,
-                          hada_bench_figure_of(hidden, count), "%s, hidden by the second queue", mode);
-    return hada_bench_add(bench, &row, err);
+    hada_bench_add(bench, device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT, "%", 1,
+                   hada_bench_figure_of(hidden, count), "%s, hidden by the second queue", mode);
 }
 
 static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream *s, int mode, hada_error *err)
@@ -98,22 +95,19 @@ static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream 
         HADA_TRY(measure(bench, device, s, mode, q + 1, values[q], &count[q], q ? NULL : &kernels, err));
         for (int i = 0; i < count[q]; i++)
             rates[i] = 1 / values[q][i];
-        const hada_bench_row row = hada_bench_row_of(device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT,
-                                                     "frames/s", 1, hada_bench_figure_of(rates, count[q]), "%s, %d %s",
-                                                     hada_bench_mode_names[mode], q + 1, q ? "queues" : "queue");
-        HADA_TRY(hada_bench_add(bench, &row, err));
+        hada_bench_add(bench, device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT, "frames/s", 1,
+                       hada_bench_figure_of(rates, count[q]), "%s, %d %s", hada_bench_mode_names[mode], q + 1,
+                       q ? "queues" : "queue");
     }
-    return add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1], kernels,
-                       err);
+    add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1], kernels);
+    return HADA_OK;
 }
 
 hada_status hada_bench_throughput(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
                                   hada_error *err)
 {
-    stream *s = calloc(1, sizeof *s);
+    stream *s = hada_cli_memory(1, sizeof *s);
     hada_status status = HADA_OK;
-    if (!s)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     s->workload = workload;
     for (int mode = 0; mode < HADA_BENCH_MODES; mode++)
         if (!mode || hada_model_get_info(workload->model)->has_otf) {

@@ -55,9 +55,7 @@ static hada_status draw_pair(void *user, int z, int i, hada_image *raw, hada_ima
 static hada_status draw_pairs(hada_dataset **out, drawing *of, int count, hada_error *err)
 {
     const hada_camera *camera = hada_simulator_camera(of->simulator);
-    int *counts = calloc((size_t)camera->depths, sizeof *counts);
-    if (!counts)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    int *counts = hada_cli_memory((size_t)camera->depths, sizeof *counts);
     for (int z = 0; z < camera->depths; z++)
         counts[z] = count;
     const hada_status status =
@@ -107,10 +105,8 @@ static hada_status from_psf(hada_simulator *simulator, hada_context *context, ha
     options.boundary = camera->boundary;
     options.window_rows = camera->window_rows;
     options.window_cols = camera->window_cols;
-    hada_image one = {0}, *psf = calloc((size_t)camera->depths, sizeof *psf);
+    hada_image one = {0}, *psf = hada_cli_memory((size_t)camera->depths, sizeof *psf);
     hada_status status = HADA_OK;
-    if (!psf)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (int z = 0; z < camera->depths; z++) {
         HADA_TRY_OR_DONE(hada_camera_psf(camera, camera->distances_mm[z], 0, 0, &one, err));
         /* the pattern is the same for all channels */
@@ -123,7 +119,7 @@ static hada_status from_psf(hada_simulator *simulator, hada_context *context, ha
     HADA_TRY_OR_DONE(hada_model_from_psf(model, context, psf, camera->depths, camera->distances_mm, &options, err));
 done:
     hada_image_destroy(&one);
-    for (int z = 0; psf && z < camera->depths; z++)
+    for (int z = 0; z < camera->depths; z++)
         hada_image_destroy(&psf[z]);
     free(psf);
     return status;
@@ -137,10 +133,8 @@ static hada_status draw_frame(hada_bench_workload *workload, hada_simulator *sim
     const uint64_t seed = SEED + 5000 + (uint64_t)frame;
     hada_image whole = {0}, *truth = workload->truth + (size_t)frame * (size_t)camera->depths;
     hada_plane planes[OCCUPIED];
-    int *labels = calloc((size_t)camera->window_rows * (size_t)camera->window_cols, sizeof *labels);
+    int *labels = hada_cli_memory((size_t)camera->window_rows * (size_t)camera->window_cols, sizeof *labels);
     hada_status status = HADA_OK;
-    if (!labels)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     HADA_TRY_OR_DONE(
         hada_scene_procedural(&whole, seed, camera->channels, camera->window_rows, camera->window_cols, err));
     HADA_TRY_OR_DONE(hada_scene_regions(labels, seed, occupied, camera->window_rows, camera->window_cols, err));
@@ -157,14 +151,12 @@ done:
     return status;
 }
 
-static hada_status make_room(hada_bench_workload *workload, int frames, int depths, int truth, hada_error *err)
+static void make_room(hada_bench_workload *workload, int frames, int depths, int truth)
 {
     workload->frames = frames;
     workload->depths = depths;
-    workload->raw = calloc((size_t)frames, sizeof *workload->raw);
-    workload->truth = truth ? calloc((size_t)frames * (size_t)depths, sizeof *workload->truth) : NULL;
-    return workload->raw && (!truth || workload->truth) ? HADA_OK
-                                                        : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    workload->raw = hada_cli_memory((size_t)frames, sizeof *workload->raw);
+    workload->truth = truth ? hada_cli_memory((size_t)frames * (size_t)depths, sizeof *workload->truth) : NULL;
 }
 
 hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *workload, hada_context *context,
@@ -177,7 +169,7 @@ hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *wor
     snprintf(workload->name, sizeof workload->name, "%s", name);
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_camera_preset(&camera, name, err));
-    HADA_TRY_OR_DONE(make_room(workload, FRAMES, camera.depths, 1, err));
+    make_room(workload, FRAMES, camera.depths, 1);
     HADA_TRY_OR_DONE(hada_simulator_create(&simulator, context, &camera, NULL, err));
     const int learned = strcmp(name, "paper2022") != 0;
     hada_cli_progress_begin(bench->cli, &progress, name, learned ? (long)camera.depths * (PAIRS + SCORED) : 1);
@@ -204,7 +196,7 @@ hada_status hada_bench_workload_load(hada_bench_workload *workload, const char *
     HADA_TRY_OR_DONE(hada_model_load(&workload->model, model, err));
     path = NULL;
     const hada_model_info *info = hada_model_get_info(workload->model);
-    HADA_TRY_OR_DONE(make_room(workload, count, info->depths, 0, err));
+    make_room(workload, count, info->depths, 0);
     for (int i = 0; i < count; i++) {
         hada_image *raw = &workload->raw[i];
         path = files[i];

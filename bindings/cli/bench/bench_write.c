@@ -213,10 +213,8 @@ hada_status hada_bench_write(const hada_bench *bench, const char *folder, hada_e
     char *json = hada_cli_text("%s/bench.json", folder), *csv = hada_cli_text("%s/bench.csv", folder);
     char *text = json_dumps(bench->cli->document, JSON_INDENT(1) | JSON_REAL_PRECISION(9));
     hada_status status = HADA_OK;
-    if (!json || !csv || !text) {
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-        goto done;
-    }
+    if (!text)
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     HADA_TRY_OR_DONE(hada_file_write(json, text, strlen(text), err));
     HADA_TRY_OR_DONE(write_csv(bench, csv, err));
     hada_cli_say(bench->cli, "\nWrote %s and %s.", json, csv);

@@ -188,8 +188,6 @@ static hada_status make_scratch(hada_bench *bench, hada_error *err)
 {
     const char *root = getenv("TMPDIR");
     bench->scratch = hada_cli_text("%s/hadalens-bench-XXXXXX", root && *root ? root : "/tmp");
-    if (!bench->scratch)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     if (mkdtemp(bench->scratch))
         return HADA_OK;
     hada_cli_error(err, HADA_ERROR_FILE_WRITE, "no folder for scratch files can be made as %s; set TMPDIR",
@@ -203,12 +201,10 @@ static hada_status run_bench(hada_cli *cli, const settings *set, const char *con
                              hada_error *err)
 {
     hada_bench bench = {.cli = cli, .quick = set->quick, .patience = set->quick ? 2 : 6};
-    hada_bench_device *devices = calloc(MOST_DEVICES, sizeof *devices);
+    hada_bench_device *devices = hada_cli_memory(MOST_DEVICES, sizeof *devices);
     int count = 0;
     bench.rounds = set->rounds ? set->rounds : set->quick ? QUICK_ROUNDS : ROUNDS;
     hada_status status = HADA_OK;
-    if (!devices)
-        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     if (set->output)
         HADA_TRY_OR_DONE(hada_folder_ensure(set->output, err));
     HADA_TRY_OR_DONE(make_scratch(&bench, err));
@@ -227,8 +223,7 @@ static hada_status run_bench(hada_cli *cli, const settings *set, const char *con
     if (set->output && hada_cli_pictures(cli))
         HADA_TRY_OR_DONE(hada_bench_plots(&bench, set->output, err));
 done:
-    if (devices)
-        close_devices(devices, MOST_DEVICES);
+    close_devices(devices, MOST_DEVICES);
     free(devices);
     if (bench.scratch)
         hada_folder_remove(bench.scratch);

@@ -232,10 +232,8 @@ static hada_status read_depths(job *work, hada_error *err)
     const settings *set = work->set;
     const hada_model_info *info = hada_model_get_info(work->model);
     hada_plan_options *plan = &work->options;
-    work->depths = calloc((size_t)info->depths, sizeof *work->depths);
-    work->occupied = calloc((size_t)info->depths, sizeof *work->occupied);
-    if (!work->depths || !work->occupied)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    work->depths = hada_cli_memory((size_t)info->depths, sizeof *work->depths);
+    work->occupied = hada_cli_memory((size_t)info->depths, sizeof *work->occupied);
     if (set->depths) {
         HADA_TRY(hada_cli_read_depths("depths", set->depths, info->distances_mm, info->depths, work->depths,
                                       &plan->depth_count, err));

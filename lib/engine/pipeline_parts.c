@@ -82,7 +82,7 @@ static hada_status make_pursuit(hada_pipeline *pipeline, hada_error *err)
     size_t offset;
     cl_mem otf = hada_constants_otf(pipeline->constants, &offset);
     HADA_TRY(hada_pursuit_create(&pipeline->pursuit, pipeline->slot, &options, err));
-    HADA_TRY(hada_pursuit_set_otf(pipeline->pursuit, 0, setup->config.depths, otf, offset, err));
+    HADA_TRY(hada_pursuit_set_otf(pipeline->pursuit, otf, offset, err));
     if (prior)
         HADA_TRY(hada_pursuit_set_prior(pipeline->pursuit, prior, err));
     return set_power(pipeline, err);

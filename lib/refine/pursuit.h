@@ -58,12 +58,11 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_
                                 hada_error *err);
 void hada_pursuit_destroy(hada_pursuit **pursuit);
 
-/* The camera, in any number of pieces, all before the first run: OTFs of `count` depths from depth `first` on
- * ([depth][channel][count] complex); the prior of refinement ([channel][count] floats); and, where the OTFs are
- * estimates, sum |X|^2 of the pairs of each depth ([channel][count] floats), which says how good they are. Offsets
- * count complex numbers. The buffers are not needed afterwards. */
-hada_status hada_pursuit_set_otf(hada_pursuit *pursuit, int first, int count, cl_mem otf, size_t offset,
-                                 hada_error *err);
+/* The camera, all before the first run: OTFs of all depths ([depth][channel][count] complex), `offset` complex numbers
+ * into the buffer; the prior of refinement ([channel][count] floats); and, where the OTFs are estimates, sum |X|^2 of
+ * the pairs of each depth ([channel][count] floats), which says how good they are. The buffers are not needed
+ * afterwards. */
+hada_status hada_pursuit_set_otf(hada_pursuit *pursuit, cl_mem otf, size_t offset, hada_error *err);
 hada_status hada_pursuit_set_prior(hada_pursuit *pursuit, cl_mem prior, hada_error *err);
 hada_status hada_pursuit_set_power(hada_pursuit *pursuit, int depth, cl_mem power, hada_error *err);
 

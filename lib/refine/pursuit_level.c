@@ -1,4 +1,5 @@
-#include "refine/pursuit_search.h"
+/* The grids of depth pursuit, and the residual that each set of depths leaves of a frame on them. */
+#include "refine/pursuit_level.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -45,7 +46,8 @@ static size_t otfs_of(const hada_context *context, const hada_pursuit_options *o
     return (size_t)options->depths + (takes_no_depth(context) ? 1 : 0);
 }
 
-int hada_level_room(const hada_pursuit_level *l)
+/* Sets that a run may hold at no more time than one, 0: each costs its own. */
+static int room_of(const hada_pursuit_level *l)
 {
     return takes_no_depth(l->slot->context) ? l->spec.max_sets : 0;
 }
@@ -181,10 +183,10 @@ static double area_ratio(const hada_spectrum_layout *to, const hada_spectrum_lay
     return (double)to->rows * to->cols / ((double)from->rows * from->cols);
 }
 
-hada_status hada_level_set_otf(hada_pursuit_level *l, int first, int count, cl_mem otf, size_t offset, hada_error *err)
+hada_status hada_level_set_otf(hada_pursuit_level *l, cl_mem otf, size_t offset, hada_error *err)
 {
     const crop how = of_camera(l, 2, -1.0);
-    return crop_images(l, &how, otf, offset, count * l->shape.channels, &l->otf, first * l->shape.channels, err);
+    return crop_images(l, &how, otf, offset, l->options->depths * l->shape.channels, &l->otf, 0, err);
 }
 
 hada_status hada_level_set_prior(hada_pursuit_level *l, cl_mem prior, hada_error *err)
@@ -290,7 +292,8 @@ static hada_status measure_frame(hada_pursuit_level *l, hada_error *err)
     return measure(l, 1, &l->energy, err);
 }
 
-hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_error *err)
+/* The frame's own energy, measured as that of residuals is. */
+static hada_status frame_energy(hada_pursuit_level *l, double *energy, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
     int rows, cols;
@@ -326,7 +329,7 @@ static hada_status residuals_within(hada_pursuit_level *l, const hada_refine_dat
 static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data, int sets, int depths, const int *list,
                              double *residual, hada_error *err)
 {
-    const int with_frame = hada_level_room(l) && !l->measured;
+    const int with_frame = room_of(l) && !l->measured;
     int rows, cols;
     band_of(l, &rows, &cols);
     HADA_TRY(l->evidence_inverse ? residuals_within(l, data, sets, depths, list, with_frame, residual, err)
@@ -336,8 +339,13 @@ static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data
     return HADA_OK;
 }
 
-hada_status hada_level_residuals(hada_pursuit_level *l, int steps, double growth, int sets, int depths, const int *list,
-                                 double *residual, hada_error *err)
+/* A place of a set that has none. Only for levels with room. */
+enum { NO_DEPTH = -1 };
+
+/* residual[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, in which rho grows
+ * by the factor `growth` each, leaves unexplained of the mean over channels, at the frequencies of the evidence. */
+static hada_status residuals_of_list(hada_pursuit_level *l, int steps, double growth, int sets, int depths,
+                                     const int *list, double *residual, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
     int places[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX];
@@ -354,10 +362,137 @@ hada_status hada_level_residuals(hada_pursuit_level *l, int steps, double growth
         const int n = sets - first < l->spec.max_sets ? sets - first : l->spec.max_sets, *part = places;
         for (int i = 0; i < n * depths; i++) {
             const int depth = list[first * depths + i];
-            places[i] = depth == HADA_LEVEL_NO_DEPTH ? l->options->depths : depth;
+            places[i] = depth == NO_DEPTH ? l->options->depths : depth;
         }
         HADA_TRY(hada_refiner_run(l->refiner, &data, &rule, n, depths, part, NULL, err));
         HADA_TRY(residuals(l, &data, n, depths, part, residual + first, err));
     }
     return HADA_OK;
+}
+
+int hada_set_same(const hada_set *a, const hada_set *b)
+{
+    return a->count == b->count && !memcmp(a->depth, b->depth, (size_t)a->count * sizeof *a->depth);
+}
+
+void hada_residuals_forget(hada_pursuit *p)
+{
+    free(p->known);
+    p->known = NULL;
+    p->known_count = 0;
+    p->ahead_count = 0;
+}
+
+static hada_pursuit_level *level_of(hada_pursuit *p, hada_fidelity fidelity)
+{
+    return &p->levels[p->fidelity[fidelity].level];
+}
+
+/* Fidelities differ in steps or in grid: where two are the same, the first one's results serve. */
+static hada_fidelity first_alike(const hada_pursuit *p, hada_fidelity fidelity)
+{
+    for (int i = 0; i < (int)fidelity; i++)
+        if (p->fidelity[i].level == p->fidelity[fidelity].level && p->fidelity[i].steps == p->fidelity[fidelity].steps)
+            return (hada_fidelity)i;
+    return fidelity;
+}
+
+static const hada_known_residual *find(const hada_pursuit *p, hada_fidelity fidelity, const hada_set *set)
+{
+    for (size_t i = 0; i < p->known_count; i++)
+        if (p->known[i].fidelity == fidelity && hada_set_same(&p->known[i].set, set))
+            return &p->known[i];
+    return NULL;
+}
+
+hada_status hada_residuals_frame(hada_pursuit *p, hada_fidelity fidelity, double *energy, hada_error *err)
+{
+    return frame_energy(level_of(p, fidelity), energy, err);
+}
+
+void hada_residuals_ahead(hada_pursuit *p, hada_fidelity fidelity, const hada_set *sets, int count)
+{
+    for (int i = 0; i < count && p->ahead_count < HADA_RESIDUALS_AHEAD; i++) {
+        p->ahead_fidelity[p->ahead_count] = first_alike(p, fidelity);
+        p->ahead[p->ahead_count++] = sets[i];
+    }
+}
+
+/* Sets that are to be refined side by side: those that are not known yet. */
+typedef struct batch {
+    const hada_set *sets[HADA_PURSUIT_DEPTHS];
+    int count, places;
+} batch;
+
+static void add_unknown(batch *all, const hada_pursuit *p, hada_fidelity fidelity, const hada_set *set)
+{
+    if (!set->count || find(p, fidelity, set))
+        return;
+    for (int i = 0; i < all->count; i++)
+        if (hada_set_same(all->sets[i], set))
+            return;
+    all->sets[all->count++] = set;
+    all->places = set->count > all->places ? set->count : all->places;
+}
+
+/* Those of this fidelity that there is room for. What is left of them is forgotten, the others wait. */
+static void take_ahead(batch *all, hada_pursuit *p, hada_fidelity fidelity)
+{
+    const int room = room_of(level_of(p, fidelity));
+    int kept = 0;
+    for (int i = 0; i < p->ahead_count; i++) {
+        if (p->ahead_fidelity[i] != fidelity) {
+            p->ahead_fidelity[kept] = p->ahead_fidelity[i];
+            p->ahead[kept++] = p->ahead[i];
+        } else if (all->count < room) {
+            p->taken[all->count] = p->ahead[i];
+            add_unknown(all, p, fidelity, &p->taken[all->count]);
+        }
+    }
+    p->ahead_count = kept;
+}
+
+/* Refines them and takes down what they leave. Smaller sets have places without a depth, which stay dark. */
+static hada_status refine(hada_pursuit *p, hada_fidelity fidelity, const batch *all, hada_error *err)
+{
+    int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX];
+    double energy[HADA_PURSUIT_DEPTHS];
+    for (int i = 0; i < all->count; i++)
+        for (int k = 0; k < all->places; k++)
+            list[i * all->places + k] = k < all->sets[i]->count ? all->sets[i]->depth[k] : NO_DEPTH;
+    HADA_TRY(HADA_GROW(p->known, p->known_count, (size_t)all->count, "the depth pursuit", err));
+    const hada_effort *effort = &p->fidelity[fidelity];
+    HADA_TRY(residuals_of_list(level_of(p, fidelity), effort->steps, effort->growth, all->count, all->places, list,
+                               energy, err));
+    for (int i = 0; i < all->count; i++)
+        p->known[p->known_count++] = (hada_known_residual){fidelity, *all->sets[i], energy[i]};
+    return HADA_OK;
+}
+
+hada_status hada_residuals_of(hada_pursuit *p, hada_fidelity asked, const hada_set *sets, int count, double *energy,
+                              hada_error *err)
+{
+    const hada_fidelity fidelity = first_alike(p, asked);
+    batch all = {0};
+    if (!sets[0].count)
+        return hada_residuals_frame(p, fidelity, energy, err);
+    for (int i = 0; i < count; i++)
+        add_unknown(&all, p, fidelity, &sets[i]);
+    if (all.count)
+        take_ahead(&all, p, fidelity);
+    if (all.count)
+        HADA_TRY(refine(p, fidelity, &all, err));
+    for (int i = 0; i < count; i++)
+        energy[i] = find(p, fidelity, &sets[i])->energy;
+    return HADA_OK;
+}
+
+hada_status hada_residuals_of_all(hada_pursuit *p, double *energy, hada_error *err)
+{
+    int list[HADA_PURSUIT_DEPTHS];
+    for (int depth = 0; depth < p->options.depths; depth++)
+        list[depth] = depth;
+    const hada_effort *effort = &p->fidelity[HADA_FIDELITY_COARSE];
+    return residuals_of_list(level_of(p, HADA_FIDELITY_COARSE), effort->steps, effort->growth, 1, p->options.depths,
+                             list, energy, err);
 }

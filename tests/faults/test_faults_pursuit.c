@@ -3,7 +3,7 @@
  * of the floating-point unit, which is looked for. */
 #include <fenv.h>
 
-#include "refine/pursuit_search.h"
+#include "refine/pursuit_level.h"
 #include "tiny_camera.h"
 
 enum { DEPTHS = 16, WINDOW = 36 };
@@ -12,16 +12,16 @@ static _Thread_local struct {
     int calls, fail_at; /* 0: none */
 } evaluation;
 
-hada_status __real_hada_residuals_of(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count,
+hada_status __real_hada_residuals_of(hada_pursuit *pursuit, hada_fidelity fidelity, const hada_set *sets, int count,
                                      double *energy, hada_error *err);
-hada_status __wrap_hada_residuals_of(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count,
+hada_status __wrap_hada_residuals_of(hada_pursuit *pursuit, hada_fidelity fidelity, const hada_set *sets, int count,
                                      double *energy, hada_error *err);
 
-hada_status __wrap_hada_residuals_of(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count,
+hada_status __wrap_hada_residuals_of(hada_pursuit *pursuit, hada_fidelity fidelity, const hada_set *sets, int count,
                                      double *energy, hada_error *err)
 {
     if (++evaluation.calls != evaluation.fail_at)
-        return __real_hada_residuals_of(residuals, fidelity, sets, count, energy, err);
+        return __real_hada_residuals_of(pursuit, fidelity, sets, count, energy, err);
     for (int i = 0; i < count; i++)
         energy[i] = NAN;
     feclearexcept(FE_INVALID);
@@ -40,7 +40,7 @@ TEST(searches_end_where_an_evaluation_fails)
     options.shape = device.shape;
     options.depths = DEPTHS;
     ASSERT_OK(hada_pursuit_create(&pursuit, device.slot, &options, err));
-    ASSERT_OK(hada_pursuit_set_otf(pursuit, 0, DEPTHS, device.otf.mem, 0, err));
+    ASSERT_OK(hada_pursuit_set_otf(pursuit, device.otf.mem, 0, err));
     /* one half of the window at a depth, the other, faint, at the next: sets are moved and compared on the finer grid
      */
     for (int z = 1; z < 3; z++) {

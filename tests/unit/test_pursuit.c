@@ -21,8 +21,7 @@ static void set_up(fixture *f, int rows, int cols, int window, int depths, int p
     f->options.shape = f->device.shape;
     f->options.depths = depths;
     ASSERT_OK(hada_pursuit_create(&f->pursuit, f->device.slot, &f->options, err));
-    ASSERT_OK(hada_pursuit_set_otf(f->pursuit, 0, 1, f->device.otf.mem, 0, err)); /* in pieces */
-    ASSERT_OK(hada_pursuit_set_otf(f->pursuit, 1, depths - 1, f->device.otf.mem, f->device.layout.count, err));
+    ASSERT_OK(hada_pursuit_set_otf(f->pursuit, f->device.otf.mem, 0, err));
 }
 
 static void tear_down(fixture *f)

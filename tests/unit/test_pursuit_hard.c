@@ -23,7 +23,7 @@ static hada_pursuit *make_pursuit(const tiny_device *device, int depths, int ful
     options.depths = depths;
     options.full = full;
     ASSERT_OK(hada_pursuit_create(&pursuit, device->slot, &options, err));
-    ASSERT_OK(hada_pursuit_set_otf(pursuit, 0, depths, device->otf.mem, 0, err));
+    ASSERT_OK(hada_pursuit_set_otf(pursuit, device->otf.mem, 0, err));
     ASSERT_OK(hada_pursuit_set_prior(pursuit, device->prior.mem, err));
     return pursuit;
 }

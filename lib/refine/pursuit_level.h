@@ -1,11 +1,8 @@
-/* Inside depth pursuit: its grids, the residuals of sets of depths on them, and the search. Internal to lib/refine. */
-#ifndef HADA_REFINE_PURSUIT_SEARCH_H
-#define HADA_REFINE_PURSUIT_SEARCH_H
+/* Inside depth pursuit: its grids, and the residuals of sets of depths on them. Internal to lib/refine. */
+#ifndef HADA_REFINE_PURSUIT_LEVEL_H
+#define HADA_REFINE_PURSUIT_LEVEL_H
 
 #include "refine/pursuit.h"
-
-/* The grids of depth pursuit, and the residual that a set of depths leaves of a frame on each of them. Internal to
- * lib/refine. */
 
 /* What a grid is like. */
 typedef struct hada_level_spec {
@@ -45,32 +42,14 @@ hada_status hada_level_create(hada_pursuit_level *level, hada_slot *slot, const 
                               const hada_level_spec *spec, hada_error *err);
 void hada_level_destroy(hada_pursuit_level *level); /* the slot's queue must be done with it */
 
-/* As hada_pursuit_set_...(); the depths are checked. */
-hada_status hada_level_set_otf(hada_pursuit_level *level, int first, int count, cl_mem otf, size_t offset,
-                               hada_error *err);
+/* As hada_pursuit_set_...(). */
+hada_status hada_level_set_otf(hada_pursuit_level *level, cl_mem otf, size_t offset, hada_error *err);
 hada_status hada_level_set_prior(hada_pursuit_level *level, cl_mem prior, hada_error *err);
 hada_status hada_level_set_power(hada_pursuit_level *level, int depth, cl_mem power, hada_error *err);
 
 /* The frame in hand from now on, by its spectrum, which must stay as it is meanwhile. It is brought to the grid when
  * something is asked about it. */
 void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum);
-
-/* The frame's own energy, as hada_level_residuals() measures it. */
-hada_status hada_level_frame_energy(hada_pursuit_level *level, double *energy, hada_error *err);
-
-/* A place of a set that has none. Only for levels with room. */
-enum { HADA_LEVEL_NO_DEPTH = -1 };
-
-/* Sets that a run may hold at no more time than one, 0: each costs its own. */
-int hada_level_room(const hada_pursuit_level *level);
-
-/* residual[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, in which rho grows
- * by the factor `growth` each, leaves unexplained of the mean over channels, at the frequencies of the evidence. */
-hada_status hada_level_residuals(hada_pursuit_level *level, int steps, double growth, int sets, int depths,
-                                 const int *list, double *residual, hada_error *err);
-
-/* Sets of depths, and the residual that each of them leaves of the frame in hand; what was refined once is kept.
- * Internal to lib/refine. */
 
 /* How closely a residual is evaluated: by which grid and by how many steps of refinement, from the quickest to the
  * dearest. */
@@ -92,71 +71,56 @@ typedef struct hada_set {
     int count, depth[HADA_PURSUIT_MAX];
 } hada_set;
 
-int hada_set_same(const hada_set *a, const hada_set *b);
-int hada_set_has(const hada_set *set, int depth);
-hada_set hada_set_with(const hada_set *set, int depth);
-hada_set hada_set_without(const hada_set *set, int place);
-
-typedef struct hada_known_residual hada_known_residual;
+/* A set that was refined, and the energy that it left. */
+typedef struct hada_known_residual {
+    hada_fidelity fidelity;
+    hada_set set;
+    double energy;
+} hada_known_residual;
 
 enum { HADA_RESIDUALS_AHEAD = 64 };
-
-/* What is known of the frame in hand; all zero but for the pursuit at first. */
-typedef struct hada_residuals {
-    hada_pursuit *pursuit;
-    hada_known_residual *known;
-    size_t count, room;
-    /* sets that may be asked about next */
-    hada_set ahead[HADA_RESIDUALS_AHEAD];
-    hada_fidelity ahead_fidelity[HADA_RESIDUALS_AHEAD];
-    int ahead_count;
-    hada_set taken[HADA_PURSUIT_DEPTHS]; /* of them those that go along */
-} hada_residuals;
 
 struct hada_pursuit {
     hada_slot *slot;
     hada_pursuit_options options; /* zeros replaced */
     hada_pursuit_level levels[HADA_PURSUIT_LEVELS];
-    int count; /* of levels */
+    int level_count;
     hada_effort fidelity[HADA_FIDELITIES];
     int parts; /* 1: neighbours may be nearly alike, and are parted at the finer grid */
-    hada_residuals residuals;
+
+    /* of the frame in hand: what was refined once is kept */
+    hada_known_residual *known;
+    size_t known_count;
+    /* sets that may be asked about next */
+    hada_set ahead[HADA_RESIDUALS_AHEAD];
+    hada_fidelity ahead_fidelity[HADA_RESIDUALS_AHEAD];
+    int ahead_count;
+    hada_set taken[HADA_PURSUIT_DEPTHS]; /* of them those that go along */
+
+    /* of the search: the sets of one size that are to be compared, and what they leave */
+    hada_pursuit_result *result;
+    hada_set candidates[HADA_PURSUIT_DEPTHS];
+    double energy[HADA_PURSUIT_DEPTHS];
+    int count;
 };
 
-void hada_residuals_free(hada_residuals *residuals);
+int hada_set_same(const hada_set *a, const hada_set *b);
+
+void hada_residuals_forget(hada_pursuit *pursuit);
 
 /* The energy of the frame itself. */
-hada_status hada_residuals_frame(const hada_residuals *residuals, hada_fidelity fidelity, double *energy,
-                                 hada_error *err);
+hada_status hada_residuals_frame(hada_pursuit *pursuit, hada_fidelity fidelity, double *energy, hada_error *err);
 
 /* Sets of any size that may be asked about later, so closely. They are refined beside the next that are, where that
  * costs a device nothing, which is so on GPUs: a few small grids leave most of one idle, and each look at its energies
  * is waited for. */
-void hada_residuals_ahead(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count);
+void hada_residuals_ahead(hada_pursuit *pursuit, hada_fidelity fidelity, const hada_set *sets, int count);
 
 /* The energies that each of `count` sets of one size leaves; those not yet known are refined side by side. */
-hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count,
+hada_status hada_residuals_of(hada_pursuit *pursuit, hada_fidelity fidelity, const hada_set *sets, int count,
                               double *energy, hada_error *err);
 
 /* What all depths of the camera together leave on the coarse grid. Not for the reference search (options.full). */
-hada_status hada_residuals_of_all(const hada_residuals *residuals, double *energy, hada_error *err);
-
-/* The search of depth pursuit: its two parts, and what they have in common. Internal to lib/refine. */
-
-typedef struct hada_search {
-    hada_pursuit *pursuit;
-    hada_pursuit_result *result;
-    hada_residuals *residuals;
-    /* the sets of one size that are to be compared, and what they leave */
-    hada_set candidates[HADA_PURSUIT_DEPTHS];
-    double energy[HADA_PURSUIT_DEPTHS];
-    int count;
-} hada_search;
-
-/* Searches the frame that the levels were given, into *s->result. On failure that says nothing. */
-hada_status hada_search_depths(hada_search *s, hada_error *err);
-
-/* Goes on with the result, where depths may hide that few steps do not tell from others. */
-hada_status hada_search_hidden(hada_search *s, hada_error *err);
+hada_status hada_residuals_of_all(hada_pursuit *pursuit, double *energy, hada_error *err);
 
 #endif

@@ -6,7 +6,7 @@
 
 enum { MOST_SUMS = 4, BAND = 4096 /* pixels of a band of rows, about */ };
 
-static hada_classic_image image_of(const hada_refine_rect *rect)
+static hada_classic_image image_of(const hada_rectangle *rect)
 {
     hada_classic_image image = {.rows = rect->rows, .cols = rect->cols, .pitch = (int)hada_classic_pitch(rect->cols)};
     image.pixels = (size_t)image.rows * (size_t)image.pitch;
@@ -14,20 +14,16 @@ static hada_classic_image image_of(const hada_refine_rect *rect)
     return image;
 }
 
-static hada_fft_desc describe(const hada_classic_shape *shape, const hada_refine_rect *rect, int images,
-                              hada_fft_direction direction)
+static hada_status make_transforms(hada_fft_pair *pair, const hada_classic *classic, const hada_rectangle *rect,
+                                   int images, hada_error *err)
 {
     const hada_classic_image image = image_of(rect);
-    return (hada_fft_desc){.direction = direction,
-                           .rows = shape->grid_rows,
-                           .cols = shape->grid_cols,
-                           .batch = images < HADA_CLASSIC_BATCH ? images : HADA_CLASSIC_BATCH,
-                           .row0 = rect->row0,
-                           .col0 = rect->col0,
-                           .real_rows = rect->rows,
-                           .real_cols = rect->cols,
-                           .real_pitch = (size_t)image.pitch,
-                           .real_distance = image.pixels};
+    const int batch = hada_least(images, HADA_CLASSIC_BATCH);
+    hada_fft_desc desc =
+        hada_fft_of(HADA_FFT_FORWARD, classic->shape.grid_rows, classic->shape.grid_cols, batch, *rect);
+    desc.real_pitch = (size_t)image.pitch;
+    desc.real_distance = image.pixels;
+    return hada_fft_pair_create(pair, classic->slot, desc, err);
 }
 
 /* Whether the method looks at the frame's pixels in each iteration. */
@@ -50,22 +46,6 @@ static int fuses(const hada_context *context, const hada_classic_shape *shape)
                           shape->place.max_planes * shape->components > 1 ? 2 : 1);
 }
 
-enum { PLANS = 4 };
-
-/* Transforms of their own; none where the passes are fused. */
-static int list_plans(const hada_context *context, const hada_classic_shape *shape, hada_fft_desc *plans)
-{
-    const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
-    const int images = shape->place.max_planes * shape->components * shape->place.channels;
-    if (fuses(context, shape))
-        return 0;
-    plans[0] = describe(shape, &plane, images, HADA_FFT_FORWARD);
-    plans[1] = describe(shape, &plane, images, HADA_FFT_INVERSE);
-    plans[2] = describe(shape, &frame, shape->place.channels, HADA_FFT_FORWARD);
-    plans[3] = describe(shape, &frame, shape->place.channels, HADA_FFT_INVERSE);
-    return has_frame(shape) ? PLANS : 2;
-}
-
 static size_t larger(size_t a, size_t b)
 {
     return a > b ? a : b;
@@ -86,11 +66,11 @@ static size_t partials(const hada_classic_shape *shape, const hada_spectrum_layo
 /* Bytes of every buffer; 0: the method has none. */
 static void sizes_of(const hada_context *context, const hada_classic_shape *shape, size_t *bytes)
 {
-    const hada_refine_rect plane_at = hada_classic_plane_rect(shape), frame_at = hada_classic_frame_rect(shape);
+    const hada_rectangle plane_at = hada_classic_plane_rect(shape), frame_at = hada_classic_frame_rect(shape);
     const hada_classic_image plane = image_of(&plane_at), frame = image_of(&frame_at);
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     const hada_classic_options *o = &shape->options;
-    const hada_refine_rect *window = &shape->place.window;
+    const hada_rectangle *window = &shape->place.window;
     const int rl = o->method == HADA_METHOD_RL, fista = o->method == HADA_METHOD_FISTA,
               admm = o->method == HADA_METHOD_ADMM, tv = o->prior == HADA_PRIOR_TV,
               wavelet = o->prior == HADA_PRIOR_WAVELET || o->prior == HADA_PRIOR_HAAR, has = has_frame(shape);
@@ -140,17 +120,18 @@ static const char what[] = "the images of a classic method";
 static hada_status allocate(hada_classic *classic, hada_error *err)
 {
     hada_slot *slot = classic->slot;
-    hada_fft **const made[PLANS] = {&classic->forward, &classic->inverse, &classic->frame_forward,
-                                    &classic->frame_inverse};
-    hada_fft_desc plans[PLANS];
-    const int count = list_plans(slot->context, &classic->shape, plans);
+    const hada_classic_shape *shape = &classic->shape;
+    const hada_rectangle plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
+    const int channels = shape->place.channels, images = shape->place.max_planes * shape->components * channels;
     HADA_TRY(hada_allocated(
         classic->sums = hada_alloc(classic->bytes[HADA_CLASSIC_PARTIAL] / sizeof(float), sizeof(float), what, err)));
     HADA_TRY(hada_allocated(classic->table = hada_alloc(classic->bytes[HADA_CLASSIC_TABLE] + 1, 1, what, err)));
     if (classic->fuses)
-        HADA_TRY(hada_fft_fused_make(&classic->fused, slot, classic->shape.grid_rows, classic->shape.grid_cols, err));
-    for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_create(made[i], slot, &plans[i], err));
+        HADA_TRY(hada_fft_fused_make(&classic->fused, slot, shape->grid_rows, shape->grid_cols, err));
+    else
+        HADA_TRY(make_transforms(&classic->fft, classic, &plane, images, err));
+    if (classic->has_frame && !classic->fuses)
+        HADA_TRY(make_transforms(&classic->frame_fft, classic, &frame, channels, err));
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         if (classic->bytes[i])
             HADA_TRY(hada_buffer_take(&classic->part[i], slot, i == HADA_CLASSIC_WINDOW ? HADA_RESULT : HADA_OWN_STEPS,
@@ -160,7 +141,7 @@ static hada_status allocate(hada_classic *classic, hada_error *err)
 
 hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err)
 {
-    const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
+    const hada_rectangle plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
     hada_classic *classic = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
@@ -192,10 +173,8 @@ void hada_classic_destroy(hada_classic **pointer)
     if (!classic)
         return;
     hada_slot_finish(classic->slot, NULL);
-    hada_fft_destroy(&classic->forward);
-    hada_fft_destroy(&classic->inverse);
-    hada_fft_destroy(&classic->frame_forward);
-    hada_fft_destroy(&classic->frame_inverse);
+    hada_fft_pair_destroy(&classic->fft);
+    hada_fft_pair_destroy(&classic->frame_fft);
     hada_fft_fused_free(&classic->fused);
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         hada_buffer_destroy(&classic->part[i]);

@@ -12,14 +12,14 @@
 
 typedef struct hada_classic_shape {
     hada_refine_shape place;      /* max_planes: the most depths of a run */
-    hada_refine_rect support;     /* where planes may be bright while the method works */
+    hada_rectangle support;       /* where planes may be bright while the method works */
     int choose;                   /* 1: the prior's weight is found from each frame */
     hada_classic_options options; /* nothing in it is left open */
     int grid_rows, grid_cols;     /* of the method's transforms: the model's, or smaller ones */
-    hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
-    int components;         /* of each depth; above 1 where its point spread function varies over the field */
-    int sieve;              /* 1: Richardson-Lucy may take planes for sums of Gaussians; the support is the window */
-    int haze;               /* 1: after the depths, one more transfer function describes a smooth background */
+    hada_rectangle reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
+    int components;       /* of each depth; above 1 where its point spread function varies over the field */
+    int sieve;            /* 1: Richardson-Lucy may take planes for sums of Gaussians; the support is the window */
+    int haze;             /* 1: after the depths, one more transfer function describes a smooth background */
 } hada_classic_shape;
 
 /* The shape for a model. HADA_ERROR_ARGUMENT where the options make no sense, HADA_ERROR_MODEL where the model has no

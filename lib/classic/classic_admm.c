@@ -32,7 +32,7 @@ hada_status hada_classic_admm_begin(hada_classic *classic, hada_error *err)
 /* The splits of the planes: non-negativity and total variation. Without the latter its buffers are any others. */
 static hada_status split(hada_classic *classic, hada_error *err)
 {
-    const hada_refine_rect *support = &classic->shape.support;
+    const hada_rectangle *support = &classic->shape.support;
     const int tv = has_tv(classic);
     const hada_classic_splits splits = {.row0 = support->row0,
                                         .col0 = support->col0,

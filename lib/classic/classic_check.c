@@ -63,7 +63,7 @@ static void make_points(trial *t)
 static double compare(const trial *t, const float *planes, const float *frames, int back)
 {
     const hada_classic *classic = t->classic;
-    const hada_refine_rect p = hada_classic_plane_rect(&classic->shape), f = hada_classic_frame_rect(&classic->shape);
+    const hada_rectangle p = hada_classic_plane_rect(&classic->shape), f = hada_classic_frame_rect(&classic->shape);
     const int channels = classic->shape.place.channels, rows = classic->layout.rows, cols = classic->layout.cols;
     double largest = 0.0;
     for (int n = 0; n < (back ? classic->planes : channels); n++)
@@ -74,7 +74,7 @@ static double compare(const trial *t, const float *planes, const float *frames, 
                                      : round_edges(f.row0 + i + rows - SHIFT_ROWS % rows, rows) - p.row0;
                 const int col = back ? round_edges(p.col0 + j + SHIFT_COLS, cols) - f.col0
                                      : round_edges(f.col0 + j + cols - SHIFT_COLS % cols, cols) - p.col0;
-                const hada_refine_rect *other = back ? &f : &p;
+                const hada_rectangle *other = back ? &f : &p;
                 const hada_classic_image *here = back ? &classic->plane : &classic->frame;
                 const hada_classic_image *there = back ? &classic->frame : &classic->plane;
                 double expected = 0.0;

@@ -17,8 +17,8 @@ hada_status hada_classic_fused_columns(hada_classic *classic, int transpose, had
     const hada_refine_data *data = classic->job->data;
     const hada_spectrum_layout *layout = &classic->layout;
     const hada_own_pass *pass = &classic->fused.columns;
-    const hada_refine_rect plane = hada_classic_plane_rect(&classic->shape);
-    const hada_refine_rect frame = hada_classic_frame_rect(&classic->shape);
+    const hada_rectangle plane = hada_classic_plane_rect(&classic->shape);
+    const hada_rectangle frame = hada_classic_frame_rect(&classic->shape);
     const int depths = hada_classic_terms(classic), channels = classic->shape.place.channels;
     const hada_classic_columns job = {.otf_offset = data->otf_offset,
                                       .plane_row0 = plane.row0,
@@ -45,7 +45,7 @@ hada_status hada_classic_fused_columns(hada_classic *classic, int transpose, had
 typedef struct rows_pass {
     hada_classic_part spectra, images, first, work;
     const hada_classic_image *image;
-    hada_refine_rect rect;
+    hada_rectangle rect;
     int count, inverse, forward;
     hada_classic_pixel_step step;
     double number, traffic; /* bytes of a pixel */

@@ -17,7 +17,7 @@ typedef struct psf_reader {
     int positive; /* without negative values and what is taken for noise, of the same sum: for Richardson-Lucy */
     hada_spectrum_layout layout;
     size_t pixels; /* of the grid */
-    hada_fft *inverse, *forward;
+    hada_fft_pair fft;
     hada_buffer image, spectrum;
     float *psf;     /* the last one that was read, [grid rows][grid cols], about the top left pixel, round the edges */
     float *values;  /* room for a spectrum */
@@ -53,17 +53,11 @@ static void make_positive(float *psf, size_t count)
         psf[i] = (float)(psf[i] * (before / after));
 }
 
-static hada_fft_desc describe(const psf_reader *reader, hada_fft_direction direction)
-{
-    return hada_fft_whole(direction, reader->layout.rows, reader->layout.cols, 1);
-}
-
 static void psf_close(psf_reader *reader)
 {
     if (reader->slot)
         hada_slot_finish(reader->slot, NULL);
-    hada_fft_destroy(&reader->inverse);
-    hada_fft_destroy(&reader->forward);
+    hada_fft_pair_destroy(&reader->fft);
     HADA_DESTROY_BUFFERS(&reader->image, &reader->spectrum);
     hada_slot_destroy(&reader->slot);
     HADA_FREE(reader->psf, reader->values);
@@ -84,11 +78,10 @@ static hada_status psf_open(psf_reader *reader, hada_context *context, const had
     *reader = (psf_reader){.model = model, .positive = positive};
     reader->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
     reader->pixels = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    const hada_fft_desc inverse = describe(reader, HADA_FFT_INVERSE), forward = describe(reader, HADA_FFT_FORWARD);
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, 1);
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_slot_create(&reader->slot, context, err));
-    HADA_TRY_OR_DONE(hada_fft_create(&reader->inverse, reader->slot, &inverse, err));
-    HADA_TRY_OR_DONE(hada_fft_create(&reader->forward, reader->slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_fft_pair_create(&reader->fft, reader->slot, desc, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err));
     HADA_TRY_OR_DONE(
         hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err));
@@ -141,7 +134,7 @@ static hada_status psf_read(psf_reader *reader, const int *depths, int number, h
     reader->largest = sqrt(reader->largest);
     hada_layout_pack(&reader->layout, otf, reader->values);
     HADA_TRY(hada_buffer_write(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err));
-    HADA_TRY(hada_fft_inverse(reader->inverse, 1, reader->spectrum.mem, 0, reader->image.mem, 0, NULL, err));
+    HADA_TRY(hada_fft_inverse(reader->fft.inverse, 1, reader->spectrum.mem, 0, reader->image.mem, 0, NULL, err));
     HADA_TRY(hada_buffer_read(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
     if (reader->positive)
         make_positive(reader->psf, reader->pixels);
@@ -154,7 +147,7 @@ static hada_status psf_largest(psf_reader *reader, double *largest, hada_error *
     const hada_spectrum_layout *layout = &reader->layout;
     *largest = 0.0;
     HADA_TRY(hada_buffer_write(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
-    HADA_TRY(hada_fft_forward(reader->forward, 1, reader->image.mem, 0, reader->spectrum.mem, 0, err));
+    HADA_TRY(hada_fft_forward(reader->fft.forward, 1, reader->image.mem, 0, reader->spectrum.mem, 0, err));
     HADA_TRY(hada_buffer_read(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err));
     for (int ky = 0; ky < layout->rows; ky++)
         for (int kx = 0; kx <= layout->cols / 2; kx++)
@@ -290,7 +283,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
                                   const int *depths, int count, hada_error *err)
 {
     const hada_refine_shape *place = &shape->place;
-    const hada_refine_rect *plane = &shape->support, *frame = &place->frame;
+    const hada_rectangle *plane = &shape->support, *frame = &place->frame;
     const hada_method method = shape->options.method;
     axis rows = axis_of(place->grid_rows, 1, plane->row0, plane->rows, frame->row0, frame->rows);
     axis cols = axis_of(place->grid_cols, 0, plane->col0, plane->cols, frame->col0, frame->cols);
@@ -309,8 +302,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     if (small && rows.first <= rows.last) {
         shape->grid_rows = size_for(&rows);
         shape->grid_cols = size_for(&cols);
-        shape->reach =
-            (hada_refine_rect){rows.first, cols.first, rows.last - rows.first + 1, cols.last - cols.first + 1};
+        shape->reach = (hada_rectangle){rows.first, cols.first, rows.last - rows.first + 1, cols.last - cols.first + 1};
     }
 done:
     psf_close(&reader);
@@ -327,7 +319,7 @@ int hada_classic_has_optics(const hada_classic_shape *shape)
 static void place_on_grid(const hada_classic_shape *shape, const float *psf, float *out)
 {
     const hada_refine_shape *place = &shape->place;
-    const hada_refine_rect *lags = &shape->reach;
+    const hada_rectangle *lags = &shape->reach;
     const int row_shift = place->frame.row0 - shape->support.row0, col_shift = place->frame.col0 - shape->support.col0;
     memset(out, 0, (size_t)shape->grid_rows * (size_t)shape->grid_cols * sizeof *out);
     for (int i = lags->row0; i < lags->row0 + lags->rows; i++) {
@@ -402,7 +394,7 @@ static hada_status write_weights(hada_buffer *out, size_t offset, psf_reader *re
                                  const int *depths, int count, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(reader->model);
-    const hada_refine_rect *window = &shape->place.window, *support = &shape->support;
+    const hada_rectangle *window = &shape->place.window, *support = &shape->support;
     const size_t pitch = hada_classic_pitch(support->cols), pixels = (size_t)support->rows * pitch,
                  area = (size_t)window->rows * (size_t)window->cols;
     float *image = NULL;

@@ -71,32 +71,32 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
         o->prior = HADA_PRIOR_NONE;
     if (o->support == HADA_SUPPORT_AUTO)
         o->support = o->method == HADA_METHOD_ADMM ? HADA_SUPPORT_GRID : HADA_SUPPORT_WINDOW;
-    shape->support = o->support == HADA_SUPPORT_GRID ? (hada_refine_rect){0, 0, info->grid_rows, info->grid_cols}
+    shape->support = o->support == HADA_SUPPORT_GRID ? (hada_rectangle){0, 0, info->grid_rows, info->grid_cols}
                                                      : shape->place.window;
     shape->grid_rows = info->grid_rows;
     shape->grid_cols = info->grid_cols;
-    shape->reach = (hada_refine_rect){0};
+    shape->reach = (hada_rectangle){0};
     shape->sieve = shape->haze = 0;
     return HADA_OK;
 }
 
-static hada_refine_rect at_top_left(const hada_refine_rect *rect)
+static hada_rectangle at_top_left(const hada_rectangle *rect)
 {
-    return (hada_refine_rect){0, 0, rect->rows, rect->cols};
+    return (hada_rectangle){0, 0, rect->rows, rect->cols};
 }
 
 /* ADMM has its gradients on the whole grid. */
-hada_refine_rect hada_classic_plane_rect(const hada_classic_shape *shape)
+hada_rectangle hada_classic_plane_rect(const hada_classic_shape *shape)
 {
-    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
+    const hada_rectangle grid = {0, 0, shape->grid_rows, shape->grid_cols};
     if (shape->reach.rows)
         return at_top_left(&shape->support);
     return shape->options.method == HADA_METHOD_ADMM ? grid : shape->support;
 }
 
-hada_refine_rect hada_classic_frame_rect(const hada_classic_shape *shape)
+hada_rectangle hada_classic_frame_rect(const hada_classic_shape *shape)
 {
-    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
+    const hada_rectangle grid = {0, 0, shape->grid_rows, shape->grid_cols};
     if (shape->reach.rows)
         return at_top_left(&shape->place.frame);
     return shape->place.boundary == HADA_BOUNDARY_PADDED ? shape->place.frame : grid;

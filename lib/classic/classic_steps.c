@@ -27,25 +27,25 @@ hada_status hada_classic_write_table(hada_classic *classic, hada_error *err)
 
 hada_status hada_classic_forward(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return hada_fft_all(classic->forward, hada_classic_images(classic), classic->part[planes].mem,
+    return hada_fft_all(classic->fft.forward, hada_classic_images(classic), classic->part[planes].mem,
                         classic->part[HADA_CLASSIC_SPECTRA].mem, 0, err);
 }
 
 hada_status hada_classic_inverse(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return hada_fft_all(classic->inverse, hada_classic_images(classic), classic->part[planes].mem,
+    return hada_fft_all(classic->fft.inverse, hada_classic_images(classic), classic->part[planes].mem,
                         classic->part[HADA_CLASSIC_SPECTRA].mem, 0, err);
 }
 
 hada_status hada_classic_frame_forward(hada_classic *classic, hada_classic_part spectrum, hada_error *err)
 {
-    return hada_fft_all(classic->frame_forward, classic->shape.place.channels,
+    return hada_fft_all(classic->frame_fft.forward, classic->shape.place.channels,
                         classic->part[HADA_CLASSIC_PREDICTION].mem, classic->part[spectrum].mem, 0, err);
 }
 
 hada_status hada_classic_frame_inverse(hada_classic *classic, hada_error *err)
 {
-    return hada_fft_all(classic->frame_inverse, classic->shape.place.channels,
+    return hada_fft_all(classic->frame_fft.inverse, classic->shape.place.channels,
                         classic->part[HADA_CLASSIC_PREDICTION].mem, classic->part[HADA_CLASSIC_PROJECTION].mem, 0, err);
 }
 
@@ -344,7 +344,7 @@ static hada_status show(hada_classic *classic, hada_classic_part *shown, hada_er
 
 hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
 {
-    const hada_refine_rect *window = &classic->shape.place.window, *support = &classic->shape.support;
+    const hada_rectangle *window = &classic->shape.place.window, *support = &classic->shape.support;
     const hada_classic_image *plane = &classic->plane;
     const int whole = plane->rows != support->rows || plane->cols != support->cols;
     const hada_range range = hada_range_of((size_t)plane->pitch, 8, (size_t)plane->rows, (size_t)classic->planes);

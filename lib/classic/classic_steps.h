@@ -57,8 +57,7 @@ struct hada_classic {
     int has_frame; /* the frame's pixels are used: HADA_CLASSIC_FRAME, PREDICTION are there */
     int fuses;     /* passes are fused: `fused` in place of the transforms below */
     hada_fft_fused fused;
-    hada_fft *forward, *inverse;             /* of the support */
-    hada_fft *frame_forward, *frame_inverse; /* of the frame, where it has one */
+    hada_fft_pair fft, frame_fft; /* of the support; of the frame, where it has one */
     hada_classic_image plane, frame;
     hada_buffer part[HADA_CLASSIC_PARTS];
     size_t bytes[HADA_CLASSIC_PARTS];
@@ -79,8 +78,8 @@ struct hada_classic {
 };
 
 /* Where planes and frame stand on the grid of the transforms. */
-hada_refine_rect hada_classic_plane_rect(const hada_classic_shape *shape);
-hada_refine_rect hada_classic_frame_rect(const hada_classic_shape *shape);
+hada_rectangle hada_classic_plane_rect(const hada_classic_shape *shape);
+hada_rectangle hada_classic_frame_rect(const hada_classic_shape *shape);
 
 /* Swaps two buffers of the same size. */
 void hada_classic_swap(hada_classic *classic, hada_classic_part a, hada_classic_part b);

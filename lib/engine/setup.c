@@ -350,7 +350,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     refine.past = config->warm;
     if (config->outside) {
         refine.shown = refine.window;
-        refine.window = (hada_refine_rect){0, 0, refine.grid_rows, refine.grid_cols};
+        refine.window = (hada_rectangle){0, 0, refine.grid_rows, refine.grid_cols};
     }
     refine.crosstalk = config->crosstalk > 0 && config->depths > 1;
     return refine;

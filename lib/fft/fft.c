@@ -249,6 +249,20 @@ void hada_fft_destroy(hada_fft **pointer)
     free(plan);
 }
 
+hada_status hada_fft_pair_create(hada_fft_pair *pair, hada_slot *slot, hada_fft_desc desc, hada_error *err)
+{
+    desc.direction = HADA_FFT_FORWARD;
+    HADA_TRY(hada_fft_create(&pair->forward, slot, &desc, err));
+    desc.direction = HADA_FFT_INVERSE;
+    return hada_fft_create(&pair->inverse, slot, &desc, err);
+}
+
+void hada_fft_pair_destroy(hada_fft_pair *pair)
+{
+    hada_fft_destroy(&pair->forward);
+    hada_fft_destroy(&pair->inverse);
+}
+
 size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
     hada_dry dry;

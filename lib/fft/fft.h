@@ -63,9 +63,9 @@ typedef struct hada_fft_desc {
     int band_rows, band_cols;
 } hada_fft_desc;
 
-/* A part of an image: top left and size. */
+/* A part of an image: top left pixel and size. */
 typedef struct hada_rectangle {
-    int row, col, rows, cols;
+    int row0, col0, rows, cols;
 } hada_rectangle;
 
 /* A transform of rows x cols; `part` of each image is in memory, without gaps. */
@@ -76,8 +76,8 @@ static inline hada_fft_desc hada_fft_of(hada_fft_direction direction, int rows, 
                            .rows = rows,
                            .cols = cols,
                            .batch = batch,
-                           .row0 = part.row,
-                           .col0 = part.col,
+                           .row0 = part.row0,
+                           .col0 = part.col0,
                            .real_rows = part.rows,
                            .real_cols = part.cols,
                            .real_pitch = (size_t)part.cols,
@@ -99,6 +99,13 @@ typedef struct hada_fft hada_fft;
 /* Makes the plan, its tables and scratch, compiles what it needs, and runs it once against known answers. */
 hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc *desc, hada_error *err);
 void hada_fft_destroy(hada_fft **plan);
+
+/* There and back, of the same images; the direction of desc is not read. */
+typedef struct hada_fft_pair {
+    hada_fft *forward, *inverse;
+} hada_fft_pair;
+hada_status hada_fft_pair_create(hada_fft_pair *pair, hada_slot *slot, hada_fft_desc desc, hada_error *err);
+void hada_fft_pair_destroy(hada_fft_pair *pair);
 
 /* Bytes of device memory that a plan with scratch of its own holds; 0 where there can be none. */
 size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc);

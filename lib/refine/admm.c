@@ -11,12 +11,12 @@
 #include "refine/admm_steps.h"
 #include "refine/shift.h"
 
-size_t hada_rect_area(const hada_refine_rect *rect)
+size_t hada_rect_area(const hada_rectangle *rect)
 {
     return (size_t)rect->rows * (size_t)rect->cols;
 }
 
-int hada_rect_inside(const hada_refine_rect *rect, int rows, int cols)
+int hada_rect_inside(const hada_rectangle *rect, int rows, int cols)
 {
     return rect->row0 >= 0 && rect->col0 >= 0 && rect->rows > 0 && rect->cols > 0 && rect->row0 + rect->rows <= rows &&
            rect->col0 + rect->cols <= cols;
@@ -38,28 +38,13 @@ static void shrink_span(int first, int size, int full, int small, int outward, i
     *to_size = end - from;
 }
 
-hada_refine_rect hada_rect_shrink(const hada_refine_rect *rect, int rows, int cols, int small_rows, int small_cols,
-                                  int outward, int margin)
+hada_rectangle hada_rect_shrink(const hada_rectangle *rect, int rows, int cols, int small_rows, int small_cols,
+                                int outward, int margin)
 {
-    hada_refine_rect out;
+    hada_rectangle out;
     shrink_span(rect->row0, rect->rows, rows, small_rows, outward, margin, &out.row0, &out.rows);
     shrink_span(rect->col0, rect->cols, cols, small_cols, outward, margin, &out.col0, &out.cols);
     return out;
-}
-
-hada_fft_desc hada_rect_transform(const hada_refine_rect *rect, int rows, int cols, int images,
-                                  hada_fft_direction direction)
-{
-    return (hada_fft_desc){.direction = direction,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = images,
-                           .row0 = rect->row0,
-                           .col0 = rect->col0,
-                           .real_rows = rect->rows,
-                           .real_cols = rect->cols,
-                           .real_pitch = (size_t)rect->cols,
-                           .real_distance = hada_rect_area(rect)};
 }
 
 void hada_refine_rule_init(hada_refine_rule *rule)
@@ -220,9 +205,9 @@ hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_dept
                                .max_sets = 1,
                                .max_planes = max_depths,
                                .max_steps = max_steps};
-    shape.window = (hada_refine_rect){shape.frame.row0 + (info->raw_rows - info->window_rows) / 2,
-                                      shape.frame.col0 + (info->raw_cols - info->window_cols) / 2, info->window_rows,
-                                      info->window_cols};
+    shape.window = (hada_rectangle){shape.frame.row0 + (info->raw_rows - info->window_rows) / 2,
+                                    shape.frame.col0 + (info->raw_cols - info->window_cols) / 2, info->window_rows,
+                                    info->window_cols};
     return shape;
 }
 
@@ -242,11 +227,13 @@ static hada_status check_shape(const hada_refine_shape *shape, hada_error *err)
 }
 
 /* Transforms of one rectangle's images, at most HADA_REFINE_BATCH at once, so that the plans' scratch stays small. */
-static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_rect *rect, int images,
-                              hada_fft_direction direction)
+static hada_status make_transforms(hada_fft_pair *pair, const hada_refiner *refiner, const hada_rectangle *rect,
+                                   int images, hada_error *err)
 {
-    return hada_rect_transform(rect, shape->grid_rows, shape->grid_cols,
-                               images < HADA_REFINE_BATCH ? images : HADA_REFINE_BATCH, direction);
+    const hada_refine_shape *shape = &refiner->shape;
+    const int batch = hada_least(images * shape->channels, HADA_REFINE_BATCH);
+    return hada_fft_pair_create(pair, refiner->slot,
+                                hada_fft_of(HADA_FFT_FORWARD, shape->grid_rows, shape->grid_cols, batch, *rect), err);
 }
 
 /* Bytes of every buffer. */
@@ -300,7 +287,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     return b;
 }
 
-enum { ROWS = 15, PLANS = 4 };
+enum { ROWS = 15 };
 
 static void list_buffers(const sizes *b, hada_buffer_row *rows)
 {
@@ -325,28 +312,6 @@ static void list_buffers(const sizes *b, hada_buffer_row *rows)
     memcpy(rows, list, sizeof list);
 }
 
-/* The transforms of a refiner; returns how many. */
-static int list_plans(const hada_refine_shape *shape, hada_fft_desc *plans)
-{
-    const int images = shape->max_planes * shape->channels, sets = shape->max_sets * shape->channels;
-    plans[0] = describe(shape, &shape->window, images, HADA_FFT_FORWARD);
-    plans[1] = describe(shape, &shape->window, images, HADA_FFT_INVERSE);
-    plans[2] = describe(shape, &shape->frame, sets, HADA_FFT_FORWARD);
-    plans[3] = describe(shape, &shape->frame, sets, HADA_FFT_INVERSE);
-    return shape->boundary == HADA_BOUNDARY_PADDED ? PLANS : 2;
-}
-
-static hada_status make_plans(hada_refiner *refiner, hada_error *err)
-{
-    hada_fft **const made[PLANS] = {&refiner->forward, &refiner->inverse, &refiner->frame_forward,
-                                    &refiner->frame_inverse};
-    hada_fft_desc plans[PLANS];
-    const int count = list_plans(&refiner->shape, plans);
-    for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_create(made[i], refiner->slot, &plans[i], err));
-    return HADA_OK;
-}
-
 static hada_status make_buffers(hada_refiner *refiner, const sizes *b, hada_error *err)
 {
     hada_buffer_row rows[ROWS];
@@ -363,7 +328,7 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(check_shape(shape, err));
-    HADA_TRY_OR_DONE(hada_allocated(refiner = hada_alloc(1, sizeof *refiner, "a refiner", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(refiner, 1, "a refiner", err));
     b = sizes_of(slot->context, shape);
     refiner->slot = slot;
     refiner->mu = 1.0;
@@ -374,17 +339,14 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     refiner->split = (size_t)shape->max_planes * (size_t)shape->channels * refiner->layout.count;
     refiner->window_area = hada_rect_area(&shape->window);
     refiner->frame_area = hada_rect_area(&shape->frame);
-    HADA_TRY_OR_DONE(
-        hada_allocated(refiner->energy = hada_alloc(((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
-                                                    sizeof *refiner->energy, what, err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(refiner->host_partial = hada_alloc(b.partial / sizeof(float), sizeof(float), what, err)));
-    HADA_TRY_OR_DONE(hada_allocated(refiner->host_list =
-                                        hada_alloc((size_t)shape->max_planes, sizeof *refiner->host_list, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(refiner->host_partial, b.partial / sizeof(float), what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(refiner->host_list, (size_t)shape->max_planes, what, err));
     if (shape->past)
-        HADA_TRY_OR_DONE(hada_allocated(
-            refiner->past.list = hada_alloc((size_t)shape->max_planes, sizeof *refiner->past.list, what, err)));
-    HADA_TRY_OR_DONE(make_plans(refiner, err));
+        HADA_TRY_OR_DONE(HADA_NEW(refiner->past.list, (size_t)shape->max_planes, what, err));
+    HADA_TRY_OR_DONE(make_transforms(&refiner->fft, refiner, &shape->window, shape->max_planes, err));
+    if (shape->boundary == HADA_BOUNDARY_PADDED)
+        HADA_TRY_OR_DONE(make_transforms(&refiner->frame_fft, refiner, &shape->frame, shape->max_sets, err));
     HADA_TRY_OR_DONE(make_buffers(refiner, &b, err));
     HADA_TRY_OR_DONE(hada_refine_prepare(refiner, err));
     HADA_TRY_OR_DONE(hada_refine_fused_make(refiner, err));
@@ -408,25 +370,18 @@ done:
 
 void hada_refiner_destroy(hada_refiner **pointer)
 {
-    if (!pointer || !*pointer)
-        return;
-    hada_refiner *refiner = *pointer;
+    hada_refiner *refiner = hada_taken(pointer);
     hada_buffer_row rows[ROWS];
-    *pointer = NULL;
+    if (!refiner)
+        return;
     hada_slot_finish(refiner->slot, NULL);
-    hada_fft_destroy(&refiner->forward);
-    hada_fft_destroy(&refiner->inverse);
-    hada_fft_destroy(&refiner->frame_forward);
-    hada_fft_destroy(&refiner->frame_inverse);
+    hada_fft_pair_destroy(&refiner->fft);
+    hada_fft_pair_destroy(&refiner->frame_fft);
     hada_fft_fused_free(&refiner->fused);
     hada_buffer_destroy(&refiner->list);
     list_buffers(&(sizes){0}, rows);
     hada_buffer_rows_destroy(refiner, rows, ROWS);
-    free(refiner->energy);
-    free(refiner->host_partial);
-    free(refiner->host_list);
-    free(refiner->past.list);
-    free(refiner);
+    HADA_FREE(refiner->energy, refiner->host_partial, refiner->host_list, refiner->past.list, refiner);
 }
 
 hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, hada_error *err)
@@ -439,7 +394,7 @@ hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, h
 
 hada_status hada_refiner_crop(hada_refiner *refiner, int depths, hada_error *err)
 {
-    const hada_refine_rect *window = &refiner->shape.window, *shown = &refiner->shape.shown;
+    const hada_rectangle *window = &refiner->shape.window, *shown = &refiner->shape.shown;
     const size_t images = (size_t)depths * (size_t)refiner->shape.channels;
     if (!refiner->shown.mem)
         return HADA_OK;

@@ -7,29 +7,18 @@
 #include "fft/fft.h"
 #include "kernels/shared_refine.h"
 
-/* Rectangles of a grid: areas, the same on a coarser grid, transforms of the images in them. Internal. */
-
-/* Top left pixel and size. */
-typedef struct hada_refine_rect {
-    int row0, col0, rows, cols;
-} hada_refine_rect;
-
-size_t hada_rect_area(const hada_refine_rect *rect);
+size_t hada_rect_area(const hada_rectangle *rect);
 
 /* Whether it is not empty and lies within a grid of rows x cols. */
-int hada_rect_inside(const hada_refine_rect *rect, int rows, int cols);
+int hada_rect_inside(const hada_rectangle *rect, int rows, int cols);
 
 /* The size of a coarser grid, `shrink` times smaller or a little more; 1: the size itself. */
 int hada_rect_grid_size(int size, double shrink);
 
 /* On a grid of small_rows x small_cols, the rectangle round (outward, wider by `margin` pixels on every side) or within
  * (narrower by it) one of a grid of rows x cols; it does not leave the small grid, but may be empty. */
-hada_refine_rect hada_rect_shrink(const hada_refine_rect *rect, int rows, int cols, int small_rows, int small_cols,
-                                  int outward, int margin);
-
-/* Transforms between spectra of a grid of rows x cols and `images` dense images of the rectangle. */
-hada_fft_desc hada_rect_transform(const hada_refine_rect *rect, int rows, int cols, int images,
-                                  hada_fft_direction direction);
+hada_rectangle hada_rect_shrink(const hada_rectangle *rect, int rows, int cols, int small_rows, int small_cols,
+                                int outward, int margin);
 
 /* Refinement: the planes of a set of depths that together explain a frame. Internal.
  *
@@ -46,9 +35,9 @@ hada_fft_desc hada_rect_transform(const hada_refine_rect *rect, int rows, int co
 
 typedef struct hada_refine_shape {
     int grid_rows, grid_cols;
-    hada_refine_rect frame;  /* what the sensor sees; used with the padded boundary */
-    hada_refine_rect window; /* where the scene may be bright */
-    hada_refine_rect shown;  /* the part of the window that results have; 0 x 0: all of it */
+    hada_rectangle frame;  /* what the sensor sees; used with the padded boundary */
+    hada_rectangle window; /* where the scene may be bright */
+    hada_rectangle shown;  /* the part of the window that results have; 0 x 0: all of it */
     hada_boundary boundary;
     int channels;
     int max_sets;   /* sets in one run, at most */

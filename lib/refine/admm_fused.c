@@ -98,7 +98,7 @@ static double transform(double n)
     return 5.0 * n * log2(n > 2.0 ? n : 2.0);
 }
 
-static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_rect *rect, int pass, int width)
+static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_rectangle *rect, int pass, int width)
 {
     return (hada_refine_rows){.row0 = rect->row0,
                               .rows = rect->rows,
@@ -112,7 +112,7 @@ static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_r
 
 static hada_refine_columns columns_of(const hada_refiner *refiner, const hada_refine_step *now, int width)
 {
-    const hada_refine_rect *window = &refiner->shape.window, *frame = &refiner->shape.frame;
+    const hada_rectangle *window = &refiner->shape.window, *frame = &refiner->shape.frame;
     return (hada_refine_columns){.step = *now,
                                  .row0 = window->row0,
                                  .rows = window->rows,
@@ -160,7 +160,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     const hada_refine_data *data = run->data;
     const int columns = run->depths + SCORE_COLUMNS, images = run->sets * run->depths * refiner->shape.channels;
     const int width = way_of(refiner->slot->context)->columns(refiner->slot->context, &refiner->shape, columns);
-    const hada_refine_rect *window = &refiner->shape.window;
+    const hada_rectangle *window = &refiner->shape.window;
     const hada_refine_scoring job = {hada_refine_problem_of(run, 0), *band,          .row0 = window->row0,
                                      .rows = window->rows,           .width = width, .table = refiner->table};
     const hada_local sums = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
@@ -177,7 +177,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
 }
 
 /* What a pass along the rows of so many images costs; touched: arrays of pixels that are read or written. */
-static void cost_rows(const hada_refine_run *run, int pass, const hada_refine_rect *rect, int images, int touched,
+static void cost_rows(const hada_refine_run *run, int pass, const hada_rectangle *rect, int images, int touched,
                       double operations, double *bytes, double *flops)
 {
     const hada_spectrum_layout *layout = &run->refiner->layout;

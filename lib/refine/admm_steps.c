@@ -307,25 +307,25 @@ static hada_status transform(const hada_refine_run *r, hada_fft *plan, int each,
 hada_status hada_refine_planes_forward(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    return transform(r, refiner->forward, r->depths, refiner->planes.mem, &refiner->now_u, 0, err);
+    return transform(r, refiner->fft.forward, r->depths, refiner->planes.mem, &refiner->now_u, 0, err);
 }
 
 hada_status hada_refine_planes_inverse(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    return transform(r, refiner->inverse, r->depths, refiner->planes.mem, &refiner->now_w, 0, err);
+    return transform(r, refiner->fft.inverse, r->depths, refiner->planes.mem, &refiner->now_w, 0, err);
 }
 
 hada_status hada_refine_frame_forward(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    return transform(r, refiner->frame_forward, 1, refiner->dual.mem, &refiner->now_u, refiner->split, err);
+    return transform(r, refiner->frame_fft.forward, 1, refiner->dual.mem, &refiner->now_u, refiner->split, err);
 }
 
 hada_status hada_refine_frame_inverse(const hada_refine_run *r, const hada_buffer *spectrum, size_t at,
                                       const hada_buffer *frame, hada_error *err)
 {
-    return transform(r, r->refiner->frame_inverse, 1, frame->mem, spectrum, at, err);
+    return transform(r, r->refiner->frame_fft.inverse, 1, frame->mem, spectrum, at, err);
 }
 
 /* Parseval: from energies of spectra to energies of images. */

@@ -35,8 +35,7 @@ struct hada_refiner {
     hada_slot *slot;
     hada_refine_shape shape;
     hada_spectrum_layout layout;
-    hada_fft *forward, *inverse;               /* planes of the window */
-    hada_fft *frame_forward, *frame_inverse;   /* padded: of the frame */
+    hada_fft_pair fft, frame_fft;              /* planes of the window; padded: of the frame */
     hada_fft_fused fused;                      /* empty where steps cannot be fused: see the end */
     hada_buffer now_u, now_w, planes, partial; /* U and W, padded: and behind them E and A */
     hada_buffer shown;                         /* what results have of the planes; empty: all */

@@ -40,7 +40,7 @@ static size_t group_of(const hada_refiner *refiner)
 static hada_status move(const hada_refiner *refiner, cl_mem in, cl_mem out, int images, const double shift[2],
                         float least, hada_error *err)
 {
-    const hada_refine_rect *window = &refiner->shape.window;
+    const hada_rectangle *window = &refiner->shape.window;
     const double values = (double)hada_rect_area(window) * images;
     const hada_range range = hada_range_groups(1, group_of(refiner), (size_t)window->rows, (size_t)images);
     hada_refine_move now = {.rows = window->rows, .cols = window->cols, .least = least};
@@ -141,7 +141,7 @@ static hada_status filter(const hada_refine_run *r, double gain, int of_frame, h
 hada_status hada_refine_shifted(const hada_refiner *refiner, int depths, const hada_refine_motion *motion,
                                 cl_mem planes, hada_error *err)
 {
-    const hada_refine_rect *window = &refiner->shape.window;
+    const hada_rectangle *window = &refiner->shape.window;
     const int channels = refiner->shape.channels;
     const cl_mem before = refiner->past.planes.mem;
     const hada_range pixels = hada_range_of((size_t)window->cols, 64, (size_t)window->rows, 1);

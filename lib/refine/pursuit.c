@@ -39,7 +39,7 @@ void hada_pursuit_options_init(hada_pursuit_options *options)
 
 static int longer_side(const hada_pursuit_options *o)
 {
-    const hada_refine_rect *frame = &o->shape.frame;
+    const hada_rectangle *frame = &o->shape.frame;
     const int padded = o->shape.boundary == HADA_BOUNDARY_PADDED;
     const int rows = padded ? frame->rows : o->shape.grid_rows, cols = padded ? frame->cols : o->shape.grid_cols;
     return rows > cols ? rows : cols;
@@ -59,7 +59,7 @@ static hada_pursuit_options complete(const hada_pursuit_options *options)
     if (o.shrink == 0.0)
         o.shrink = is_dense(&o) ? 2.0 : fmax(2.0, (double)longer_side(&o) / SMALL_SIDE);
     if (o.threshold == 0.0) {
-        const hada_refine_rect *frame = &full->frame;
+        const hada_rectangle *frame = &full->frame;
         const double pixels = full->boundary == HADA_BOUNDARY_PADDED ? (double)frame->rows * frame->cols
                                                                      : (double)full->grid_rows * full->grid_cols;
         const double chance = CHANCE_MARGIN * full->window.rows * full->window.cols / pixels;

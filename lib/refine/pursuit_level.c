@@ -68,7 +68,7 @@ static size_t sums_bytes(const hada_context *context, const hada_refine_shape *e
 /* From spectra to the pixels of the frame, padded boundary. */
 static hada_fft_desc frame_plan(const hada_refine_shape *shape, int batch)
 {
-    return hada_rect_transform(&shape->frame, shape->grid_rows, shape->grid_cols, batch, HADA_FFT_INVERSE);
+    return hada_fft_of(HADA_FFT_INVERSE, shape->grid_rows, shape->grid_cols, batch, shape->frame);
 }
 
 /* What the padded boundary needs beside. */

@@ -18,18 +18,13 @@ struct hada_between {
     hada_surface_camera camera;
     const hada_magnification *magnification;
     hada_spectrum_layout layout;
-    hada_fft *forward, *inverse;
+    hada_fft_pair fft;
     hada_program_surface_magnify program;
     int loaded[SOURCES]; /* depth in each place of coefficients; -1: none */
     hada_buffer prefilter, coefficients, lines, image, spectrum, bases, weights;
     int *host_bases;
     float *host_weights;
 };
-
-static hada_fft_desc plan_of(const hada_surface_camera *camera, hada_fft_direction direction)
-{
-    return hada_fft_whole(direction, camera->rows, camera->cols, camera->channels);
-}
 
 /* Bytes of every buffer. */
 typedef struct sizes {
@@ -78,7 +73,7 @@ static hada_status check(const hada_surface_camera *camera, const hada_magnifica
 hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_surface_camera *camera,
                                 const hada_magnification *magnification, hada_error *err)
 {
-    const hada_fft_desc forward = plan_of(camera, HADA_FFT_FORWARD), inverse = plan_of(camera, HADA_FFT_INVERSE);
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, camera->rows, camera->cols, camera->channels);
     hada_between *b = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
@@ -91,8 +86,7 @@ hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_
     b->program = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_SURFACE_MAGNIFY_GROUPS
                                                            : HADA_PROGRAM_SURFACE_MAGNIFY_DEFAULT;
     HADA_TRY_OR_DONE(make_buffers(b, err));
-    HADA_TRY_OR_DONE(hada_fft_create(&b->forward, slot, &forward, err));
-    HADA_TRY_OR_DONE(hada_fft_create(&b->inverse, slot, &inverse, err));
+    HADA_TRY_OR_DONE(hada_fft_pair_create(&b->fft, slot, desc, err));
     HADA_TRY_OR_DONE(hada_prepare_surface_magnify(slot, b->program, err));
     HADA_TRY_OR_DONE(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
     *out = b;
@@ -108,8 +102,7 @@ void hada_between_destroy(hada_between **pointer)
     if (!b)
         return;
     hada_slot_finish(b->slot, NULL);
-    hada_fft_destroy(&b->forward);
-    hada_fft_destroy(&b->inverse);
+    hada_fft_pair_destroy(&b->fft);
     HADA_DESTROY_BUFFERS(&b->prefilter, &b->coefficients, &b->lines, &b->image, &b->spectrum, &b->bases, &b->weights);
     HADA_FREE(b->host_bases, b->host_weights, b);
 }
@@ -127,7 +120,7 @@ static hada_status load(hada_between *b, int depth, hada_error *err)
     if (b->loaded[slot] == depth)
         return HADA_OK;
     b->loaded[slot] = -1;
-    HADA_TRY(hada_fft_inverse(b->inverse, channels, b->prefilter.mem, 0, b->coefficients.mem,
+    HADA_TRY(hada_fft_inverse(b->fft.inverse, channels, b->prefilter.mem, 0, b->coefficients.mem,
                               (size_t)(slot * channels) * area, &use, err));
     b->loaded[slot] = depth;
     return HADA_OK;
@@ -183,7 +176,7 @@ static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, co
     const cl_mem whole = known ? b->camera.otf : to ? b->spectrum.mem : out;
     if (!known) {
         HADA_TRY(magnify(b, depth, err));
-        HADA_TRY(hada_fft_forward(b->forward, channels, b->image.mem, 0, whole, to ? 0 : at, err));
+        HADA_TRY(hada_fft_forward(b->fft.forward, channels, b->image.mem, 0, whole, to ? 0 : at, err));
     }
     if (to)
         HADA_TRY(hada_surface_crop(b->slot, whole, from, &b->layout, channels, 1, 1.0, 0.0, out, at, to, err));

@@ -13,8 +13,8 @@
 #include "surface/volume.h"
 
 typedef struct hada_surface_shape {
-    hada_refine_rect frame;  /* what the sensor sees; the whole grid where the boundary is circular */
-    hada_refine_rect window; /* where the scene may be bright */
+    hada_rectangle frame;  /* what the sensor sees; the whole grid where the boundary is circular */
+    hada_rectangle window; /* where the scene may be bright */
     hada_boundary boundary;
     int weighs; /* 1: pixels may have weights */
 } hada_surface_shape;

@@ -22,10 +22,10 @@ enum {
 };
 
 /* A rectangle of the camera's grid on a coarser one; a pixel of it at least. */
-static hada_refine_rect narrow(const hada_refine_rect *rect, const hada_surface_camera *camera, int rows, int cols,
-                               int outward, int margin)
+static hada_rectangle narrow(const hada_rectangle *rect, const hada_surface_camera *camera, int rows, int cols,
+                             int outward, int margin)
 {
-    hada_refine_rect out = hada_rect_shrink(rect, camera->rows, camera->cols, rows, cols, outward, margin);
+    hada_rectangle out = hada_rect_shrink(rect, camera->rows, camera->cols, rows, cols, outward, margin);
     out.rows = hada_most(out.rows, 1);
     out.cols = hada_most(out.cols, 1);
     return out;
@@ -82,12 +82,6 @@ int hada_surface_levels(const hada_context *context, const hada_surface_camera *
     return count;
 }
 
-static hada_fft_desc inverse_of(const hada_surface_plan *plan)
-{
-    return hada_rect_transform(&plan->shape.frame, plan->shape.rows, plan->shape.cols, plan->shape.channels,
-                               HADA_FFT_INVERSE);
-}
-
 static size_t pixel_bytes(const hada_surface_plan *plan)
 {
     return (size_t)plan->shape.channels * (size_t)plan->shape.frame.rows * (size_t)plan->shape.frame.cols *
@@ -97,13 +91,14 @@ static size_t pixel_bytes(const hada_surface_plan *plan)
 static hada_status level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
                               hada_between *between, hada_buffer *plane, hada_error *err)
 {
-    const hada_fft_desc inverse = inverse_of(plan);
+    const hada_fft_desc inverse =
+        hada_fft_of(HADA_FFT_INVERSE, plan->shape.rows, plan->shape.cols, plan->shape.channels, plan->shape.frame);
     *level = (hada_surface_level){.plan = *plan};
     HADA_TRY(hada_volume_create(&level->volume, slot, &plan->shape, err));
     for (int k = 0; k < plan->shape.planes; k++) {
         const double depth = (double)k / plan->steps - plan->before;
         HADA_TRY(hada_between_make(between, 1, &depth, plane->mem, 0, plan->whole ? NULL : &plan->layout, err));
-        HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, err));
+        HADA_TRY(hada_volume_set_camera(level->volume, k, plane->mem, 0, err));
     }
     if (plan->whole)
         return HADA_OK;

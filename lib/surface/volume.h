@@ -14,9 +14,9 @@
 #include "refine/admm.h"
 
 typedef struct hada_volume_shape {
-    int rows, cols;          /* of the grid */
-    hada_refine_rect frame;  /* what the sensor sees; used with the padded boundary */
-    hada_refine_rect window; /* where the scene may be bright */
+    int rows, cols;        /* of the grid */
+    hada_rectangle frame;  /* what the sensor sees; used with the padded boundary */
+    hada_rectangle window; /* where the scene may be bright */
     hada_boundary boundary;
     int channels;
     int planes; /* with transfer functions of their own */
@@ -40,9 +40,9 @@ typedef struct hada_volume hada_volume;
 hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_volume_shape *shape, hada_error *err);
 void hada_volume_destroy(hada_volume **volume); /* waits for its queue */
 
-/* The transfer functions of planes first ... first + count - 1, [plane][channel][count] complex in the layout of
- * hada_fft_layout(context, rows, cols, AUTO). Enqueued; copied. */
-hada_status hada_volume_set_camera(hada_volume *volume, int first, int count, cl_mem otf, hada_error *err);
+/* The transfer functions of a plane, [channel][count] complex in the layout of hada_fft_layout(context, rows, cols,
+ * AUTO), `offset` complex numbers into the buffer. Enqueued; copied. */
+hada_status hada_volume_set_camera(hada_volume *volume, int plane, cl_mem otf, size_t offset, hada_error *err);
 
 /* The frame, dark level removed: its spectrum [channel][count] and, padded, its pixels [channel][frame] and the weights
  * of these in the data term, as hada_refine_data has them; NULL: all 1. They stay as they are meanwhile. Offsets in
@@ -52,7 +52,6 @@ void hada_volume_set_frame(hada_volume *volume, cl_mem spectrum, size_t spectrum
 
 /* The planes, [plane][channel][window] floats: where hada_volume_solve() starts, and what it found. */
 cl_mem hada_volume_planes(const hada_volume *volume);
-size_t hada_volume_values(const hada_volume *volume); /* their number */
 
 /* Where planes may be bright. */
 typedef struct hada_volume_band {

@@ -4,7 +4,7 @@
 
 static void fill_normal(const check_state *state, const check_camera *camera, size_t number, int is_frame, float *out)
 {
-    const hada_refine_rect *frame = &camera->frame;
+    const hada_rectangle *frame = &camera->frame;
     check_fill_normal(state, number, out, (size_t)camera->rows * (size_t)camera->cols);
     for (int r = 0; r < camera->rows; r++)
         for (int c = 0; c < camera->cols; c++) {
@@ -19,7 +19,7 @@ static void fill_normal(const check_state *state, const check_camera *camera, si
 hada_status check_camera_make(check_state *state, check_camera *camera, hada_error *err)
 {
     const int rows = camera->rows, cols = camera->cols;
-    const hada_refine_rect *frame = &camera->frame;
+    const hada_rectangle *frame = &camera->frame;
     const hada_spectrum_layout layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
     const size_t pixels = (size_t)rows * (size_t)cols, values = 2 * (size_t)rows * (size_t)(cols / 2 + 1);
     const size_t functions = camera->functions, images = functions + camera->channels, area = hada_rect_area(frame);
@@ -57,7 +57,7 @@ hada_status check_camera_make(check_state *state, check_camera *camera, hada_err
 hada_status check_camera_weights(check_state *state, const check_camera *camera, hada_buffer *weights, double **of_grid,
                                  hada_error *err)
 {
-    const hada_refine_rect *frame = &camera->frame;
+    const hada_rectangle *frame = &camera->frame;
     const size_t grid = (size_t)camera->rows * (size_t)camera->cols,
                  values = camera->channels * (size_t)frame->rows * (size_t)frame->cols;
     float *made = check_room(state, values * sizeof *made);

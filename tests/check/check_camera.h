@@ -12,7 +12,7 @@ typedef void (*check_camera_fill)(const check_state *state, size_t number, int i
 typedef struct check_camera {
     /* given */
     int rows, cols, padded; /* the grid; padded: data is known in the frame alone */
-    hada_refine_rect frame;
+    hada_rectangle frame;
     size_t functions, channels; /* transfer functions, channels of the frame */
     check_camera_fill fill;     /* NULL: normal numbers, |OTF|^2 about 1 */
     /* made */

@@ -75,7 +75,7 @@ static int within(const check_state *state, const classic_state *own, int row, i
 static void fill_image(const check_state *state, size_t number, int is_frame, float *out)
 {
     const classic_state *own = state->own;
-    const hada_refine_rect *frame = &own->shape.place.frame;
+    const hada_rectangle *frame = &own->shape.place.frame;
     const size_t cols = (size_t)own->shape.place.grid_cols;
     const int cut = is_frame && own->shape.place.boundary == HADA_BOUNDARY_PADDED;
     double sum = 0.0;
@@ -106,7 +106,7 @@ static hada_status make_smaller(check_state *state, classic_state *own, hada_err
 /* Values without weight, saturated ones, and others of all sizes up to 1. */
 static hada_status make_weights(check_state *state, classic_state *own, hada_error *err)
 {
-    const hada_refine_rect *frame = &own->shape.place.frame;
+    const hada_rectangle *frame = &own->shape.place.frame;
     const size_t area = hada_rect_area(frame), cols = (size_t)own->shape.place.grid_cols;
     float *weights = check_room(state, (size_t)own->channels * area * sizeof *weights);
     own->weighed = check_room(state, (size_t)own->channels * own->pixels * sizeof *own->weighed);
@@ -166,7 +166,7 @@ static hada_ref_classic problem_of(const classic_state *own, int channel, const 
     static const hada_ref_prior priors[] = {0, HADA_REF_NONE, HADA_REF_TV, HADA_REF_WAVELET, HADA_REF_HAAR};
     const hada_classic_options *o = &own->shape.options;
     const hada_refine_shape *place = &own->shape.place;
-    const hada_refine_rect *f = &place->frame, *s = &own->shape.support;
+    const hada_rectangle *f = &place->frame, *s = &own->shape.support;
     const int padded = place->boundary == HADA_BOUNDARY_PADDED;
     const double mu1 = padded ? o->mu1 : 1.0;
     return (hada_ref_classic){.method = methods[o->method],
@@ -199,7 +199,7 @@ static hada_ref_classic problem_of(const classic_state *own, int channel, const 
 
 static hada_status expect(check_state *state, classic_state *own, hada_error *err)
 {
-    const hada_refine_rect *window = &own->shape.place.window;
+    const hada_rectangle *window = &own->shape.place.window;
     const size_t area = (size_t)window->rows * (size_t)window->cols, cols = (size_t)own->shape.place.grid_cols;
     double *otf = check_room(state, (size_t)own->depths * 2 * own->values * sizeof *otf);
     double *planes = check_room(state, (size_t)own->depths * own->pixels * sizeof *planes);

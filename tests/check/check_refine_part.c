@@ -12,8 +12,8 @@ static hada_status prepare(check_state *state, hada_error *err)
 {
     part_state *own = check_own(state, sizeof *own);
     const int rows = check_get(state, 'r', 24), cols = check_get(state, 'c', 24), channels = check_get(state, 'k', 1);
-    const hada_refine_rect shown = {check_get(state, 'y', 0), check_get(state, 'x', 0), check_get(state, 'h', rows / 2),
-                                    check_get(state, 'w', cols / 2)};
+    const hada_rectangle shown = {check_get(state, 'y', 0), check_get(state, 'x', 0), check_get(state, 'h', rows / 2),
+                                  check_get(state, 'w', cols / 2)};
     own->depths = check_get(state, 'd', 1);
     const hada_refine_shape shape = {.grid_rows = rows,
                                      .grid_cols = cols,

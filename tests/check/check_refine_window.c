@@ -40,7 +40,7 @@ static hada_status make(check_state *state, const window_state *own, uint64_t st
 static hada_status transform(check_state *state, const window_state *own, int set, double *spectra, hada_error *err)
 {
     const hada_refine_shape *s = &own->shape;
-    const hada_refine_rect *window = &s->window;
+    const hada_rectangle *window = &s->window;
     const size_t pixels = (size_t)s->grid_rows * (size_t)s->grid_cols, area = hada_rect_area(window);
     const size_t values = (size_t)s->grid_rows * (size_t)(s->grid_cols / 2 + 1);
     double *image = check_room(state, pixels * sizeof *image);

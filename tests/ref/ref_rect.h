@@ -4,7 +4,7 @@
 #include "refine/admm.h"
 
 /* A rectangle of the grid. */
-typedef hada_refine_rect hada_ref_rect;
+typedef hada_rectangle hada_ref_rect;
 
 /* Whether a pixel of a grid of so many columns is in the rectangle. */
 static inline int hada_ref_inside(const hada_ref_rect *rect, int cols, size_t pixel)

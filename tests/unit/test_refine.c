@@ -156,7 +156,7 @@ TEST(shows_a_part_of_the_window)
     ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, DEPTHS, list, NULL, err));
     SCOPED_MEMORY float *whole = read_planes(&f, DEPTHS);
     hada_refine_shape shape = f.device.shape;
-    shape.shown = (hada_refine_rect){shape.window.row0 + ROW0, shape.window.col0 + COL0, PART_ROWS, PART_COLS};
+    shape.shown = (hada_rectangle){shape.window.row0 + ROW0, shape.window.col0 + COL0, PART_ROWS, PART_COLS};
     ASSERT_OK(hada_refiner_create(&refiner, f.device.slot, &shape, err));
     ASSERT_OK(hada_refiner_run(refiner, &f.device.data, &rule, 1, DEPTHS, list, NULL, err));
     ASSERT_OK(hada_refiner_crop(refiner, DEPTHS, err));

@@ -141,7 +141,7 @@ static void paint(double *scene)
 static void shoot(fixture *f, const double *scene, const double *depth)
 {
     const int rows = f->camera.rows, cols = f->camera.cols;
-    const hada_refine_rect *w = &f->shape.window, *frame = &f->shape.frame;
+    const hada_rectangle *w = &f->shape.window, *frame = &f->shape.frame;
     SCOPED_MEMORY float *images = calloc(CHANNELS * f->grid, sizeof *images),
                         *pixels = calloc(CHANNELS * f->grid, sizeof *pixels);
     float *to = pixels;
@@ -170,7 +170,7 @@ static void shoot(fixture *f, const double *scene, const double *depth)
 /* Bright and dark stripes over the frame, of which the camera knows nothing. */
 static void shade(fixture *f, double part)
 {
-    const hada_refine_rect *frame = &f->shape.frame;
+    const hada_rectangle *frame = &f->shape.frame;
     const size_t area = (size_t)frame->rows * (size_t)frame->cols;
     SCOPED_MEMORY float *pixels = calloc(CHANNELS * area, sizeof *pixels),
                         *images = calloc(CHANNELS * f->grid, sizeof *images);

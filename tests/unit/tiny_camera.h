@@ -12,7 +12,7 @@ enum { TINY_SPOTS = 9 };
 
 typedef struct tiny_camera {
     int rows, cols, depths, channels;
-    hada_refine_rect frame, window;
+    hada_rectangle frame, window;
     int padded;
     size_t pixels, values, window_area, frame_area;
     double *otf; /* [depth][values] complex, the same for all channels */
@@ -36,9 +36,9 @@ static inline tiny_camera tiny_make(int frame_rows, int frame_cols, int window_r
     hada_random random;
     double y[TINY_SPOTS], x[TINY_SPOTS];
     camera.frame =
-        (hada_refine_rect){(camera.rows - frame_rows) / 2, (camera.cols - frame_cols) / 2, frame_rows, frame_cols};
-    camera.window = (hada_refine_rect){camera.frame.row0 + (frame_rows - window_rows) / 2,
-                                       camera.frame.col0 + (frame_cols - window_cols) / 2, window_rows, window_cols};
+        (hada_rectangle){(camera.rows - frame_rows) / 2, (camera.cols - frame_cols) / 2, frame_rows, frame_cols};
+    camera.window = (hada_rectangle){camera.frame.row0 + (frame_rows - window_rows) / 2,
+                                     camera.frame.col0 + (frame_cols - window_cols) / 2, window_rows, window_cols};
     camera.pixels = (size_t)camera.rows * (size_t)camera.cols;
     camera.values = (size_t)camera.rows * (size_t)(camera.cols / 2 + 1);
     camera.window_area = (size_t)window_rows * (size_t)window_cols;

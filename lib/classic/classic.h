@@ -96,7 +96,7 @@ int hada_classic_search_most(const hada_classic_shape *shape);
 hada_status hada_classic_choose(hada_classic *classic, const hada_classic_job *job, cl_mem held,
                                 const hada_frame_exposure *exposure, hada_maker_choice *choice, hada_error *err);
 
-/* Planes as sums of Gaussians (classic_sieve.c). */
+/* Planes as sums of Gaussians. */
 typedef struct hada_classic_sieved {
     double width; /* standard deviation of the Gaussians, or 0 */
     double left;  /* energy that they leave of held-out values */

@@ -101,7 +101,7 @@ static hada_status run(trial *t, double *error, hada_error *err)
     HADA_TRY(hada_buffer_write(start, classic->slot, 0, t->planes, plane_bytes, err));
     HADA_TRY(hada_buffer_write(list, classic->slot, 0, depths, (size_t)classic->job->depths * sizeof *depths, err));
     HADA_TRY(hada_classic_predict(classic, from, err));
-    HADA_TRY(hada_classic_fused_frame(classic, 1, 1, HADA_CLASSIC_NO_STEP, 0.0, err));
+    HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_NO_STEP, 0.0, 1, err));
     HADA_TRY(hada_buffer_read(prediction, classic->slot, 0, t->frames, frame_bytes, err));
     *error = compare(t, t->planes, t->frames, 0);
     HADA_TRY(hada_classic_transpose(classic, from, err));

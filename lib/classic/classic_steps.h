@@ -128,14 +128,10 @@ hada_status hada_classic_load(hada_classic *classic, hada_classic_part part, cl_
 hada_status hada_classic_step_pixels(hada_classic *classic, hada_classic_pixel_step step, double number,
                                      hada_error *err);
 
-/* The fused passes themselves (classic_fused.c). Columns: HADA_CLASSIC_PROJECTION from HADA_CLASSIC_SPECTRA or
- * (transpose) the other way round. Frame: PROJECTION -> PREDICTION where `inverse`, the step where there is one,
- * PREDICTION -> PROJECTION where `forward`. Planes: SPECTRA -> a part, and back. FISTA: SPECTRA as gradient,
- * classic_momentum, the next start's SPECTRA, all at once. */
+/* Fused passes (kernels/classic_columns.cl, classic_rows.cl). Columns: HADA_CLASSIC_PROJECTION from
+ * HADA_CLASSIC_SPECTRA or (transpose) the other way round. FISTA: SPECTRA as gradient, classic_momentum, the next
+ * start's SPECTRA, all at once. */
 hada_status hada_classic_fused_columns(hada_classic *classic, int transpose, hada_error *err);
-hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, hada_classic_pixel_step step,
-                                     double number, hada_error *err);
-hada_status hada_classic_fused_planes(hada_classic *classic, hada_classic_part planes, int forward, hada_error *err);
 hada_status hada_classic_fused_momentum(hada_classic *classic, double beta, hada_error *err);
 
 /* Runs the fused passes once: HADA_ERROR_SELF_TEST where they give wrong results (classic_check.c). */
@@ -169,31 +165,12 @@ void hada_classic_gradient_power(hada_classic *classic, int zero);
  */
 double hada_classic_prior_weight(const hada_classic *classic);
 
-/* Each method: what comes before the first iteration; one iteration, which leaves the sums of changes in *sums
- * (squared change, squared size) where `wanted`. ADMM's are those of the iteration before. */
-typedef hada_status (*hada_classic_begin_call)(hada_classic *classic, hada_error *err);
-typedef hada_status (*hada_classic_step_call)(hada_classic *classic, int number, int wanted, double sums[2],
-                                              hada_error *err);
-
-/* Parts of a run (classic_run.c): everything to begin from nothing; weights of the frame's values (NULL: none);
- * `number` iterations after `first` others, from where they left everything. */
+/* Everything to begin a run from nothing. */
 hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *job, hada_error *err);
-hada_status hada_classic_weigh(hada_classic *classic, cl_mem weights, hada_error *err);
-hada_status hada_classic_step(hada_classic *classic, int first, int number, hada_error *err);
 
 /* Gaussians: BLURRED or another part = G planes. */
 enum { HADA_CLASSIC_REACH = 10 };
 hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_part from, hada_classic_part to,
                               hada_error *err);
-
-/* Goes on from PRIMAL, with Gaussians of another width and other weights of the frame's values. */
-hada_status hada_classic_rl_anew(hada_classic *classic, double width, hada_error *err);
-
-hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err);
-hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);
-hada_status hada_classic_fista_begin(hada_classic *classic, hada_error *err);
-hada_status hada_classic_fista_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);
-hada_status hada_classic_admm_begin(hada_classic *classic, hada_error *err);
-hada_status hada_classic_admm_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);
 
 #endif

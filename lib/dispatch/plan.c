@@ -131,7 +131,7 @@ void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart)
     for (int i = 0; i < plan->contexts; i++) {
         if (!hada_pipeline_needs(&needs, plan->constants[i]->context, &plan->setup, 1, NULL))
             bytes += needs.constants;
-        bytes += hada_surfaces_bytes(plan->constants[i]->surfaces) + hada_volumes_bytes(plan->constants[i]->volumes);
+        bytes += hada_on_demand_bytes(plan->constants[i]->on_demand);
     }
     more = bytes;
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {

@@ -1,153 +1,31 @@
-/* The constants of a device: filters, transfer functions, the optics between depths. */
+/* The constants of a device: filters, transfer functions; what it shares for surfaces and volumes. */
 #include "engine/constants.h"
 
-/* The largest share of a depth's PSF that its two neighbours may leave unexplained for the optics between depths to be
- * known; half way between depths the share is about a quarter (docs/explanation/surfaces.md).
- */
-#define MOST_UNEXPLAINED 0.8
-
-struct hada_surfaces {
-    pthread_mutex_t lock;
-    hada_magnification law; /* no depths: not measured yet */
-    uint64_t each;          /* bytes of one */
-    int made;
-};
-
-static hada_status surfaces_create(hada_surfaces **out, hada_error *err)
+static hada_status create_on_demand(hada_on_demand **out, hada_error *err)
 {
     HADA_TRY(HADA_NEW(*out, 1, "a plan", err));
     pthread_mutex_init(&(*out)->lock, NULL);
     return HADA_OK;
 }
 
-void hada_surfaces_destroy(hada_surfaces **pointer)
+static void destroy_on_demand(hada_on_demand **pointer)
 {
-    if (!*pointer)
+    hada_on_demand *all = hada_taken(pointer);
+    if (!all)
         return;
-    hada_magnification_free(&(*pointer)->law);
-    pthread_mutex_destroy(&(*pointer)->lock);
-    free(*pointer);
-    *pointer = NULL;
+    hada_magnification_free(&all->law);
+    hada_buffer_destroy(&all->optics);
+    hada_classic_camera_free(&all->camera);
+    pthread_mutex_destroy(&all->lock);
+    free(all);
 }
 
-static hada_status check_law(const hada_magnification *law, hada_error *err)
+uint64_t hada_on_demand_bytes(hada_on_demand *all)
 {
-    const double unexplained = law->unexplained[law->kind];
-    if (unexplained < MOST_UNEXPLAINED)
-        return HADA_OK;
-    return hada_fail(err, HADA_ERROR_MODEL,
-                     "neighbouring depths of this camera have too little in common for optics between them "
-                     "(%.0f %% of a PSF stays unexplained): learn more depths, or take options.scene planes",
-                     100 * unexplained);
-}
-
-static hada_status check_memory(const hada_context *context, const hada_surfaces_desc *desc, uint64_t bytes,
-                                hada_error *err)
-{
-    if (bytes <= desc->most_bytes)
-        return HADA_OK;
-    return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
-                     "a surface takes %.0f MiB of %s on each queue, and %.0f MiB are left for it: take fewer queues, "
-                     "fewer depths (options.depths), or options.scene planes",
-                     (double)bytes / 0x1p20, context->info.name, (double)desc->most_bytes / 0x1p20);
-}
-
-/* What measuring the law takes at most or, once it is known, a surface: *each, and at most while it is made. */
-static hada_status count(const hada_context *context, const hada_surfaces_desc *desc, const hada_magnification *law,
-                         uint64_t *each, uint64_t *most, hada_error *err)
-{
-    hada_dry dry;
-    hada_surface *surface = NULL;
-    hada_magnification unused;
-    hada_dry_begin(&dry, context);
-    const hada_status status =
-        law->depths ? hada_surface_create(&surface, &dry.slot, &desc->camera, &desc->shape, law, err)
-                    : hada_magnification_measure(&unused, &dry.slot, &desc->camera, desc->distances_mm, err);
-    *each = hada_context_bytes(&dry.context);
-    *most = hada_context_peak_bytes(&dry.context);
-    hada_surface_destroy(&surface);
-    hada_dry_end(&dry);
-    return status;
-}
-
-/* With the lock held. */
-static hada_status make(hada_surfaces *surfaces, hada_surface **out, hada_slot *slot, const hada_surfaces_desc *desc,
-                        hada_error *err)
-{
-    uint64_t most;
-    if (!surfaces->law.depths) {
-        HADA_TRY(count(slot->context, desc, &surfaces->law, &surfaces->each, &most, err));
-        HADA_TRY(check_memory(slot->context, desc, most, err));
-        HADA_TRY(hada_magnification_measure(&surfaces->law, slot, &desc->camera, desc->distances_mm, err));
-    }
-    HADA_TRY(check_law(&surfaces->law, err));
-    HADA_TRY(count(slot->context, desc, &surfaces->law, &surfaces->each, &most, err));
-    HADA_TRY(check_memory(slot->context, desc, most, err));
-    HADA_TRY(hada_surface_create(out, slot, &desc->camera, &desc->shape, &surfaces->law, err));
-    surfaces->made++;
-    return HADA_OK;
-}
-
-hada_status hada_surfaces_make(hada_surfaces *surfaces, hada_surface **out, hada_slot *slot,
-                               const hada_surfaces_desc *desc, hada_error *err)
-{
-    pthread_mutex_lock(&surfaces->lock);
-    const hada_status status = make(surfaces, out, slot, desc, err);
-    pthread_mutex_unlock(&surfaces->lock);
-    return status;
-}
-
-void hada_surfaces_unmake(hada_surfaces *surfaces, hada_surface **surface)
-{
-    if (!*surface)
-        return;
-    hada_surface_destroy(surface);
-    pthread_mutex_lock(&surfaces->lock);
-    surfaces->made--;
-    pthread_mutex_unlock(&surfaces->lock);
-}
-
-uint64_t hada_surfaces_bytes(hada_surfaces *surfaces)
-{
-    pthread_mutex_lock(&surfaces->lock);
-    const uint64_t bytes = (uint64_t)surfaces->made * surfaces->each;
-    pthread_mutex_unlock(&surfaces->lock);
-    return bytes;
-}
-
-static hada_status create_volumes(hada_volumes **out, hada_error *err)
-{
-    HADA_TRY(HADA_NEW(*out, 1, "a plan", err));
-    pthread_mutex_init(&(*out)->lock, NULL);
-    return HADA_OK;
-}
-
-static void destroy_volumes(hada_volumes **pointer)
-{
-    hada_volumes *volumes = hada_taken(pointer);
-    if (!volumes)
-        return;
-    hada_buffer_destroy(&volumes->optics);
-    hada_classic_camera_free(&volumes->camera);
-    pthread_mutex_destroy(&volumes->lock);
-    free(volumes);
-}
-
-void hada_volumes_unmake(hada_volumes *volumes, hada_classic **volume)
-{
-    if (!*volume)
-        return;
-    hada_classic_destroy(volume);
-    pthread_mutex_lock(&volumes->lock);
-    volumes->made--;
-    pthread_mutex_unlock(&volumes->lock);
-}
-
-uint64_t hada_volumes_bytes(hada_volumes *volumes)
-{
-    pthread_mutex_lock(&volumes->lock);
-    const uint64_t bytes = volumes->optics.bytes + (uint64_t)volumes->made * volumes->each;
-    pthread_mutex_unlock(&volumes->lock);
+    pthread_mutex_lock(&all->lock);
+    const uint64_t bytes =
+        (uint64_t)all->surfaces * all->surface_bytes + all->optics.bytes + (uint64_t)all->volumes * all->volume_bytes;
+    pthread_mutex_unlock(&all->lock);
     return bytes;
 }
 
@@ -193,8 +71,7 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(constants, 1, "a plan", err));
     constants->context = context;
-    HADA_TRY_OR_DONE(surfaces_create(&constants->surfaces, err));
-    HADA_TRY_OR_DONE(create_volumes(&constants->volumes, err));
+    HADA_TRY_OR_DONE(create_on_demand(&constants->on_demand, err));
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
     HADA_TRY_OR_DONE(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,
                                       has_optics(config) ? 0 : config->bank, config->half, err));
@@ -225,7 +102,6 @@ void hada_constants_destroy(hada_constants **pointer)
         return;
     HADA_DESTROY_BUFFERS(&constants->prior, &constants->gains, &constants->optics);
     hada_bank_destroy(&constants->bank);
-    hada_surfaces_destroy(&constants->surfaces);
-    destroy_volumes(&constants->volumes);
+    destroy_on_demand(&constants->on_demand);
     free(constants);
 }

@@ -1,4 +1,4 @@
-/* A pipeline: making and unmaking it, and the way of a frame through it. */
+/* A pipeline: the way of a frame through it; smaller batches where memory is short. */
 
 #include "engine/pipeline.h"
 #include "core/clock.h"

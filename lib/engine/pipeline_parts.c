@@ -77,7 +77,12 @@ done:
 static hada_status make_pursuit(hada_pipeline *pipeline, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
-    const hada_pursuit_options options = hada_config_pursuit(&setup->config, setup->model);
+    hada_pursuit_options options;
+    hada_pursuit_options_init(&options);
+    options.shape = hada_refine_shape_of(hada_model_get_info(setup->model), setup->config.depths, 1);
+    options.depths = setup->config.depths;
+    options.rho *= hada_model_gain(setup->model);
+    options.full = setup->config.full_grid;
     const cl_mem prior = pipeline->constants->prior.mem;
     size_t offset;
     cl_mem otf = hada_constants_otf(pipeline->constants, &offset);
@@ -121,20 +126,43 @@ static hada_status make_maker(hada_pipeline *pipeline, hada_error *err)
     return HADA_OK;
 }
 
+static hada_status make_enhance(hada_pipeline *pipeline, hada_error *err)
+{
+    const hada_setup *setup = pipeline->setup;
+    const hada_context *context = pipeline->slot->context;
+    const hada_model_info *info = hada_model_get_info(setup->model);
+    const hada_enhance_desc desc = {.net = hada_model_get_enhance(setup->model),
+                                    .channels = info->channels,
+                                    .rows = info->window_rows,
+                                    .cols = info->window_cols,
+                                    .net_rows = info->enhance_rows,
+                                    .net_cols = info->enhance_cols,
+                                    /* a quarter of the device's, whatever the queues */
+                                    .memory = (size_t)(context->info.memory_bytes / 4 / (uint64_t)setup->config.queues),
+                                    /* small images leave a GPU idle, large ones a CPU's caches */
+                                    .planes = context->shape == HADA_SHAPE_GROUPS ? setup->config.depths : 1,
+                                    .content = setup->options.skip & HADA_SKIP_TILES ? 0.0f : -1.0f};
+    return hada_enhance_create(&pipeline->enhance, pipeline->slot, &desc, err);
+}
+
 /* The parts on the pipeline's slot, which may be dry, each with the steps in which it works. */
 static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
     const hada_config *config = &setup->config;
     const hada_model_info *info = hada_model_get_info(setup->model);
-    hada_focus_desc focus = hada_config_focus(config, info);
+    const hada_focus_desc focus = {.options = config->focus,
+                                   .channels = info->channels,
+                                   .rows = info->window_rows,
+                                   .cols = info->window_cols,
+                                   .depths = config->depths,
+                                   .distances_mm = setup->distances};
     hada_slot *slot = pipeline->slot;
     const size_t planes = planes_bytes(info, config, pipeline->batch);
     /* where the sensor crops, refinement compares with the frame itself; some classic methods do in any case */
     const int raw_last =
         config->classic || config->volume || (config->joint && config->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE
                                                                                                          : UPLOAD;
-    focus.distances_mm = setup->distances;
     hada_scratch_steps(slot->scratch, UPLOAD, COMPUTE, raw_last);
     HADA_TRY(make_stage(pipeline, err));
     hada_scratch_steps(slot->scratch, FOCUS, FOCUS, DOWNLOAD);
@@ -150,11 +178,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
     hada_scratch_steps(slot->scratch, COMPUTE, COMPUTE, DOWNLOAD);
     if (planes)
         HADA_TRY(hada_buffer_take(&pipeline->planes, slot, HADA_RESULT, planes, "the refocused planes", err));
-    if (config->enhance) {
-        const hada_enhance_desc desc = hada_config_enhance(config, slot->context, setup->model, setup->options.skip);
-        HADA_TRY(hada_enhance_create(&pipeline->enhance, slot, &desc, err));
-    }
-    return HADA_OK;
+    return config->enhance ? make_enhance(pipeline, err) : HADA_OK;
 }
 
 void hada_weighing_free(hada_weighing *weighing)
@@ -223,12 +247,24 @@ done:
     return status;
 }
 
+/* A surface and a volume are counted until they are gone. */
+static void leave_on_demand(hada_pipeline *pipeline)
+{
+    hada_on_demand *all = pipeline->constants->on_demand;
+    const int surface = pipeline->surface != NULL, volume = pipeline->volume != NULL;
+    hada_surface_destroy(&pipeline->surface);
+    hada_classic_destroy(&pipeline->volume);
+    pthread_mutex_lock(&all->lock);
+    all->surfaces -= surface;
+    all->volumes -= volume;
+    pthread_mutex_unlock(&all->lock);
+}
+
 void hada_pipeline_clear(hada_pipeline *pipeline)
 {
     if (pipeline->slot)
         hada_slot_finish(pipeline->slot, NULL);
-    hada_surfaces_unmake(pipeline->constants->surfaces, &pipeline->surface);
-    hada_volumes_unmake(pipeline->constants->volumes, &pipeline->volume);
+    leave_on_demand(pipeline);
     pipeline->no_surface = 0;
     destroy_parts(pipeline);
     hada_slot_destroy(&pipeline->slot);

@@ -328,15 +328,6 @@ size_t hada_plane_values(const hada_model_info *info)
     return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
 }
 
-hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_info *info)
-{
-    return (hada_focus_desc){.options = config->focus,
-                             .channels = info->channels,
-                             .rows = info->window_rows,
-                             .cols = info->window_cols,
-                             .depths = config->depths};
-}
-
 hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model)
 {
     const int most = config->saturated_steps,
@@ -354,34 +345,6 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     }
     refine.crosstalk = config->crosstalk > 0 && config->depths > 1;
     return refine;
-}
-
-hada_pursuit_options hada_config_pursuit(const hada_config *config, const hada_model *model)
-{
-    hada_pursuit_options options;
-    hada_pursuit_options_init(&options);
-    options.shape = hada_refine_shape_of(hada_model_get_info(model), config->depths, 1);
-    options.depths = config->depths;
-    options.rho *= hada_model_gain(model);
-    options.full = config->full_grid;
-    return options;
-}
-
-hada_enhance_desc hada_config_enhance(const hada_config *config, const hada_context *context, const hada_model *model,
-                                      unsigned skip)
-{
-    const hada_model_info *info = hada_model_get_info(model);
-    return (hada_enhance_desc){.net = hada_model_get_enhance(model),
-                               .channels = info->channels,
-                               .rows = info->window_rows,
-                               .cols = info->window_cols,
-                               .net_rows = info->enhance_rows,
-                               .net_cols = info->enhance_cols,
-                               /* a quarter of the device's, whatever the queues */
-                               .memory = (size_t)(context->info.memory_bytes / 4 / (uint64_t)config->queues),
-                               /* small images leave a GPU idle, large ones a CPU's caches */
-                               .planes = context->shape == HADA_SHAPE_GROUPS ? config->depths : 1,
-                               .content = skip & HADA_SKIP_TILES ? 0.0f : -1.0f};
 }
 
 static int is_in(const int *list, int count, int depth)

@@ -61,13 +61,8 @@ enum { HADA_VOLUME_ITERATIONS = 120 };
 hada_status hada_config_volume(const hada_config *config, const hada_model_info *info, hada_classic_shape *shape,
                                hada_error *err);
 
-/* What the parts of a pipeline are made from. The distances of the focus are for the caller to set; `skip` of the net:
- * HADA_SKIP_TILES or not. */
-hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_info *info);
+/* What refines the planes of a pipeline. */
 hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model);
-hada_pursuit_options hada_config_pursuit(const hada_config *config, const hada_model *model);
-hada_enhance_desc hada_config_enhance(const hada_config *config, const hada_context *context, const hada_model *model,
-                                      unsigned skip);
 
 typedef struct hada_setup {
     const hada_model *model;

@@ -160,15 +160,6 @@ hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *fram
  * Which frequencies are left out, once the spectrum is in the pipeline's stage. */
 hada_status hada_skip_frequencies(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* Whether planes must come from filters in single precision, which the bank does not hold, and computing them: as
- * hada_hadamard_run(). */
-int hada_skip_needs_single(const hada_frame *frame);
-hada_status hada_skip_run_single(hada_pipeline *pipeline, int first, int count, hada_error *err);
-
-/* After the planes came home: whether max_error was kept. Where not, the bounded kinds are off from now on and the
- * planes must be computed again. */
-int hada_skip_kept(hada_frame *frame);
-
 /* What was skipped, into the report of the frame. */
 void hada_skip_fill_report(hada_frame *frame);
 

@@ -5,6 +5,11 @@
 /* Pixels with less light than this share of the mean have no distance. */
 #define DARK 0.02
 
+/* The largest share of a depth's PSF that its two neighbours may leave unexplained for the optics between depths to be
+ * known; half way between depths the share is about a quarter (docs/explanation/surfaces.md).
+ */
+#define MOST_UNEXPLAINED 0.8
+
 static hada_surface_camera camera_of(const hada_pipeline *pipeline)
 {
     const hada_model_info *info = hada_model_get_info(pipeline->setup->model);
@@ -25,13 +30,84 @@ static hada_surface_shape shape_of(const hada_pipeline *pipeline)
         .frame = refine.frame, .window = refine.window, .boundary = refine.boundary, .weighs = 1};
 }
 
+/* The camera and the window, as for hada_surface_create(); the depths' distances; device memory that each pipeline has
+ * for a surface. */
+typedef struct surface_desc {
+    hada_surface_camera camera;
+    hada_surface_shape shape;
+    const double *distances_mm;
+    uint64_t most_bytes;
+} surface_desc;
+
+static hada_status check_law(const hada_magnification *law, hada_error *err)
+{
+    const double unexplained = law->unexplained[law->kind];
+    if (unexplained < MOST_UNEXPLAINED)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_MODEL,
+                     "neighbouring depths of this camera have too little in common for optics between them "
+                     "(%.0f %% of a PSF stays unexplained): learn more depths, or take options.scene planes",
+                     100 * unexplained);
+}
+
+static hada_status check_memory(const hada_context *context, const surface_desc *desc, uint64_t bytes, hada_error *err)
+{
+    if (bytes <= desc->most_bytes)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
+                     "a surface takes %.0f MiB of %s on each queue, and %.0f MiB are left for it: take fewer queues, "
+                     "fewer depths (options.depths), or options.scene planes",
+                     (double)bytes / 0x1p20, context->info.name, (double)desc->most_bytes / 0x1p20);
+}
+
+/* What measuring the law takes at most or, once it is known, a surface: *each, and at most while it is made. */
+static hada_status count(const hada_context *context, const surface_desc *desc, const hada_magnification *law,
+                         uint64_t *each, uint64_t *most, hada_error *err)
+{
+    hada_dry dry;
+    hada_surface *surface = NULL;
+    hada_magnification unused;
+    hada_dry_begin(&dry, context);
+    const hada_status status =
+        law->depths ? hada_surface_create(&surface, &dry.slot, &desc->camera, &desc->shape, law, err)
+                    : hada_magnification_measure(&unused, &dry.slot, &desc->camera, desc->distances_mm, err);
+    *each = hada_context_bytes(&dry.context);
+    *most = hada_context_peak_bytes(&dry.context);
+    hada_surface_destroy(&surface);
+    hada_dry_end(&dry);
+    return status;
+}
+
+/* With the lock held. The same answer for each pipeline of a plan, so that results do not depend on who takes a frame:
+ * HADA_ERROR_MODEL where the camera has no optics between its depths, HADA_ERROR_DEVICE_MEMORY where a surface and its
+ * making take more than most_bytes; nothing is allocated then. */
+static hada_status make(hada_on_demand *all, hada_surface **out, hada_slot *slot, const surface_desc *desc,
+                        hada_error *err)
+{
+    uint64_t most;
+    if (!all->law.depths) {
+        HADA_TRY(count(slot->context, desc, &all->law, &all->surface_bytes, &most, err));
+        HADA_TRY(check_memory(slot->context, desc, most, err));
+        HADA_TRY(hada_magnification_measure(&all->law, slot, &desc->camera, desc->distances_mm, err));
+    }
+    HADA_TRY(check_law(&all->law, err));
+    HADA_TRY(count(slot->context, desc, &all->law, &all->surface_bytes, &most, err));
+    HADA_TRY(check_memory(slot->context, desc, most, err));
+    HADA_TRY(hada_surface_create(out, slot, &desc->camera, &desc->shape, &all->law, err));
+    all->surfaces++;
+    return HADA_OK;
+}
+
 static hada_status make_surface(hada_pipeline *pipeline, hada_error *err)
 {
-    const hada_setup *setup = pipeline->setup;
-    hada_surfaces_desc desc = {
-        .camera = camera_of(pipeline), .shape = shape_of(pipeline), .distances_mm = setup->distances};
+    hada_on_demand *all = pipeline->constants->on_demand;
+    surface_desc desc = {
+        .camera = camera_of(pipeline), .shape = shape_of(pipeline), .distances_mm = pipeline->setup->distances};
     HADA_TRY(hada_pipeline_room(pipeline, &desc.most_bytes, err));
-    return hada_surfaces_make(pipeline->constants->surfaces, &pipeline->surface, pipeline->slot, &desc, err);
+    pthread_mutex_lock(&all->lock);
+    const hada_status status = make(all, &pipeline->surface, pipeline->slot, &desc, err);
+    pthread_mutex_unlock(&all->lock);
+    return status;
 }
 
 /* What a scene may be without: where it was not asked for, planes have to do. */

@@ -48,7 +48,7 @@ enum {
 };
 
 /* Bytes of the transfer functions and of a pipeline's part, without allocating. */
-static hada_status count(const hada_volumes *volumes, const hada_pipeline *pipeline, uint64_t *optics, uint64_t *each,
+static hada_status count(const hada_on_demand *all, const hada_pipeline *pipeline, uint64_t *optics, uint64_t *each,
                          hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
@@ -57,11 +57,11 @@ static hada_status count(const hada_volumes *volumes, const hada_pipeline *pipel
     hada_dry dry;
     hada_status status = HADA_OK;
     hada_dry_begin(&dry, pipeline->slot->context);
-    HADA_TRY_OR_DONE(hada_classic_optics(&trial, &dry.context, &volumes->shape, setup->model, setup->depths,
-                                         setup->config.depths, err));
+    HADA_TRY_OR_DONE(
+        hada_classic_optics(&trial, &dry.context, &all->shape, setup->model, setup->depths, setup->config.depths, err));
     *optics = hada_context_peak_bytes(&dry.context);
     const uint64_t before = hada_context_bytes(&dry.context);
-    HADA_TRY_OR_DONE(hada_classic_create(&classic, &dry.slot, &volumes->shape, err));
+    HADA_TRY_OR_DONE(hada_classic_create(&classic, &dry.slot, &all->shape, err));
     *each = hada_context_bytes(&dry.context) - before;
 done:
     hada_classic_destroy(&classic);
@@ -72,19 +72,19 @@ done:
 
 /* With the lock held: what all pipelines of the device share. A volume may take half of the room, for a surface may
  * follow. */
-static hada_status prepare(hada_volumes *volumes, const hada_pipeline *pipeline, hada_error *err)
+static hada_status prepare(hada_on_demand *all, const hada_pipeline *pipeline, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
     const int depths = setup->config.depths;
     hada_context *context = pipeline->constants->context;
     uint64_t room, optics, each;
-    if (volumes->known)
+    if (all->volumes_known)
         return HADA_OK;
-    HADA_TRY(hada_config_volume(&setup->config, hada_model_get_info(setup->model), &volumes->shape, err));
-    HADA_TRY(hada_classic_fit_grid(&volumes->shape, context, setup->model, setup->depths, depths, err));
+    HADA_TRY(hada_config_volume(&setup->config, hada_model_get_info(setup->model), &all->shape, err));
+    HADA_TRY(hada_classic_fit_grid(&all->shape, context, setup->model, setup->depths, depths, err));
     HADA_TRY(hada_pipeline_room(pipeline, &room, err));
-    HADA_TRY(count(volumes, pipeline, &optics, &each, err));
-    volumes->known = -1;
+    HADA_TRY(count(all, pipeline, &optics, &each, err));
+    all->volumes_known = -1;
     if (optics + each > room / 2) {
         hada_log(
             context, HADA_LOG_WARNING,
@@ -93,31 +93,31 @@ static hada_status prepare(hada_volumes *volumes, const hada_pipeline *pipeline,
             (double)(optics + each) / 0x1p20, (double)room / 2 / 0x1p20);
         return HADA_OK;
     }
-    HADA_TRY(hada_classic_camera_of(&volumes->camera, setup->model, setup->depths, depths, err));
-    HADA_TRY(hada_classic_optics(&volumes->optics, context, &volumes->shape, setup->model, setup->depths, depths, err));
-    volumes->each = each;
-    volumes->known = 1;
+    HADA_TRY(hada_classic_camera_of(&all->camera, setup->model, setup->depths, depths, err));
+    HADA_TRY(hada_classic_optics(&all->optics, context, &all->shape, setup->model, setup->depths, depths, err));
+    all->volume_bytes = each;
+    all->volumes_known = 1;
     return HADA_OK;
 }
 
-static hada_status make(hada_volumes *volumes, hada_pipeline *pipeline, hada_error *err)
+static hada_status make(hada_on_demand *all, hada_pipeline *pipeline, hada_error *err)
 {
-    HADA_TRY(prepare(volumes, pipeline, err));
-    if (volumes->known < 0)
+    HADA_TRY(prepare(all, pipeline, err));
+    if (all->volumes_known < 0)
         return HADA_OK;
-    HADA_TRY(hada_classic_create(&pipeline->volume, pipeline->slot, &volumes->shape, err));
-    volumes->made++;
+    HADA_TRY(hada_classic_create(&pipeline->volume, pipeline->slot, &all->shape, err));
+    all->volumes++;
     return HADA_OK;
 }
 
 static hada_status ready(hada_pipeline *pipeline, hada_error *err)
 {
-    hada_volumes *volumes = pipeline->constants->volumes;
+    hada_on_demand *all = pipeline->constants->on_demand;
     if (pipeline->volume)
         return HADA_OK;
-    pthread_mutex_lock(&volumes->lock);
-    const hada_status status = make(volumes, pipeline, err);
-    pthread_mutex_unlock(&volumes->lock);
+    pthread_mutex_lock(&all->lock);
+    const hada_status status = make(all, pipeline, err);
+    pthread_mutex_unlock(&all->lock);
     return status;
 }
 
@@ -190,14 +190,14 @@ static void tell_progress(void *user, int iterations)
 /* Its job; `data` takes what the maker has now. */
 static hada_classic_job job_of(const hada_pipeline *pipeline, hada_frame *frame, hada_refine_data *data)
 {
-    const hada_volumes *volumes = pipeline->constants->volumes;
+    const hada_on_demand *all = pipeline->constants->on_demand;
     *data = pipeline->maker.data;
     if (!pipeline->classic) {
-        data->otf = volumes->optics.mem;
+        data->otf = all->optics.mem;
         data->otf_offset = 0;
     }
     return (hada_classic_job){.data = data,
-                              .camera = pipeline->classic ? &pipeline->setup->camera : &volumes->camera,
+                              .camera = pipeline->classic ? &pipeline->setup->camera : &all->camera,
                               .depths = pipeline->setup->config.depths,
                               .list = pipeline->all,
                               .brightness = hada_exposure_light(&frame->exposure),
@@ -246,7 +246,7 @@ static float *make_support(const hada_pipeline *pipeline, const hada_support_of 
 static hada_classic_job tissue_of(const hada_pipeline *pipeline, hada_frame *frame, hada_refine_data *data)
 {
     const hada_classic_shape *shape =
-        pipeline->classic ? &pipeline->setup->config.method : &pipeline->constants->volumes->shape;
+        pipeline->classic ? &pipeline->setup->config.method : &pipeline->constants->on_demand->shape;
     hada_classic_job job = job_of(pipeline, frame, data);
     job.depths += shape->haze;
     data->otf_depths += shape->haze;

@@ -1,4 +1,4 @@
-/* The learned ridge regulariser: its size, and a step as kernels take it (refine_ridge.cl, lib/refine/ridge.h). */
+/* The learned ridge regulariser: its size, and a step as kernels take it (refine_ridge.cl, lib/refine/proximal.h). */
 #ifndef SHARED_RIDGE_H
 #define SHARED_RIDGE_H
 

@@ -320,6 +320,14 @@ static hada_status make_buffers(hada_refiner *refiner, const sizes *b, hada_erro
     return hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err);
 }
 
+hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err)
+{
+    /* vectors need whole ones of eight frequencies in a row of the layout */
+    refiner->program = HADA_PROGRAM_VARIANT(REFINE, refiner->slot->context, refiner->layout.block % 8 == 0);
+    refiner->group = (size_t)hada_macros_of_refine(refiner->program)->refine_group;
+    return hada_prepare_refine(refiner->slot, refiner->program, err);
+}
+
 hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_refine_shape *shape, hada_error *err)
 {
     static const char what[] = "the refinement's residuals";
@@ -409,11 +417,6 @@ hada_status hada_refiner_crop(hada_refiner *refiner, int depths, hada_error *err
 cl_mem hada_refiner_planes(const hada_refiner *refiner)
 {
     return refiner->shown.mem ? refiner->shown.mem : refiner->planes.mem;
-}
-
-double hada_refiner_energy(const hada_refiner *refiner, int set, int step)
-{
-    return refiner->energy[(size_t)step * (size_t)refiner->shape.max_sets + (size_t)set];
 }
 
 double hada_refiner_tv(const hada_refiner *refiner)

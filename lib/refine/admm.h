@@ -89,10 +89,10 @@ typedef struct hada_refine_rule {
     double tv;        /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_rule_weigh() */
     double tv_colour; /* >= 1: how much heavier differences of colour are than those of brightness */
     int ridge;        /* 1: steps with the learned regulariser follow the run */
-    double noise;  /* above 0: the proximal step is that of the learned regulariser (refine/ridge.h) for noise of this
-                      standard deviation, without duals, instead of total variation's */
-    double stop;   /* stop when the residual changes by less than this part of itself, twice running; 0: never */
-    int least;     /* steps before `stop` may end the run */
+    double noise; /* above 0: the proximal step is that of the learned regulariser (refine/proximal.h) for noise of this
+                     standard deviation, without duals, instead of total variation's */
+    double stop;  /* stop when the residual changes by less than this part of itself, twice running; 0: never */
+    int least;    /* steps before `stop` may end the run */
     double settle; /* of one set: stop when four steps change the planes by less than this part of them; 0: never */
     int quiet;     /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
     int scored; /* 1: hada_refiner_score() follows, with the planes as they are: a step may leave what it begins with */
@@ -241,7 +241,7 @@ hada_status hada_refiner_left_if(hada_refiner *refiner, const hada_refine_data *
                                  double times, double *left, hada_error *err);
 hada_status hada_refiner_brighten(hada_refiner *refiner, double times, hada_error *err);
 
-/* A scene that moved as a whole (refine/motion.c): by how many pixels down and across; stays: where depths begin and
+/* A scene that moved as a whole (refine/past.c): by how many pixels down and across; stays: where depths begin and
  * end did not move; what is left of the frame (energy) if planes did so too; how unevenly over places, mean square over
  * squared mean, and the most over the mean; by how much a depth differs; how far the last look still went, in pixels;
  * and the part of a shift that a look finds, 0: not known. */

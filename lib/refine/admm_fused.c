@@ -1,3 +1,4 @@
+/* What the kernels of a step are told, and a step in two launches. */
 #include "refine/admm_steps.h"
 
 #include <math.h>
@@ -10,6 +11,49 @@
 #include "launch/refine_odd_columns.h"
 #include "launch/refine_odd_rows.h"
 #include "launch/refine_rows.h"
+
+double hada_refine_rho_at(const hada_refine_rule *rule, int step)
+{
+    return rule->first_rho > 0.0 ? fmin(rule->rho, rule->first_rho * pow(rule->growth, step + rule->before))
+                                 : rule->rho;
+}
+
+static double relaxation_at(const hada_refine_rule *rule, int step)
+{
+    return step + rule->before < rule->first_steps ? rule->first_relaxation : rule->relaxation;
+}
+
+hada_refine_sums hada_refine_sums_at(const hada_refine_run *r, int place)
+{
+    return (hada_refine_sums){HADA_REFINE_SLICE, (unsigned)(r->refiner->partials * (size_t)place)};
+}
+
+hada_refine_problem hada_refine_problem_of(const hada_refine_run *r, int place)
+{
+    return (hada_refine_problem){.otf_offset = r->data->otf_offset,
+                                 .frame_offset = r->data->spectrum_offset,
+                                 .spectrum = hada_spectrum_shape_of(&r->refiner->layout),
+                                 .depths = r->depths,
+                                 .channels = (unsigned)r->refiner->shape.channels,
+                                 .sums = hada_refine_sums_at(r, place)};
+}
+
+hada_refine_step hada_refine_step_of(const hada_refine_run *r, const hada_refine_rule *rule, int start, int step,
+                                     int place)
+{
+    return (hada_refine_step){
+        .problem = hada_refine_problem_of(r, place),
+        .split = r->refiner->split,
+        .rho = (float)(hada_refine_rho_at(rule, step) / r->refiner->mu),
+        .keep = rule->noise > 0.0        ? 0.0f
+                : !step && rule->resumes ? (float)(r->refiner->last_rho / hada_refine_rho_at(rule, step))
+                : step + rule->before    ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))
+                                         : 1.0f,
+        .relaxation = start == HADA_REFINE_CONTINUE ? (float)relaxation_at(rule, step) : 1.0f,
+        .start = start,
+        .padded = r->padded,
+        .has_prior = r->data->prior && !(rule->tv > 0.0)};
+}
 
 enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows or refine_frame_rows takes */
 

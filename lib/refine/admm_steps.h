@@ -6,7 +6,6 @@
 #include "launch/refine.h"
 #include "refine/admm.h"
 #include "refine/proximal.h"
-#include "refine/ridge.h"
 
 enum {
     HADA_REFINE_BATCH = 48,  /* images that one transform call takes */
@@ -82,6 +81,9 @@ hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err);
 /* The rho of a step. */
 double hada_refine_rho_at(const hada_refine_rule *rule, int step);
 
+/* Sums over slices go to the place `place`, one for each step. */
+hada_refine_sums hada_refine_sums_at(const hada_refine_run *run, int place);
+
 /* What is refined; sums go to `place`. */
 hada_refine_problem hada_refine_problem_of(const hada_refine_run *run, int place);
 
@@ -97,24 +99,10 @@ hada_status hada_refine_solve(const hada_refine_run *run, const hada_refine_rule
 /* Sums of |residual|^2 of the planes, to the first place; with the residual itself where `has_residual`. */
 hada_status hada_refine_explain(const hada_refine_run *run, int has_residual, hada_error *err);
 
-/* What hada_refiner_score() is made of, to `place`. */
-hada_status hada_refine_score(const hada_refine_run *run, const hada_refine_band *band, int place, hada_error *err);
-
 /* The data's split where a sensor crops: dual = (dual - frame) w / (w + mu) with each pixel's weight w, or without the
  * frame the same of a residual; sums of |dual|^2 to `place`. */
 hada_status hada_refine_frame_dual(const hada_refine_run *run, cl_mem dual, int use_frame, double mu, int place,
                                    hada_error *err);
-
-/* The proximal step of non-negativity on the planes. */
-hada_status hada_refine_nonnegative(const hada_refine_run *run, hada_error *err);
-
-/* The proximal step of total variation and non-negativity on the planes, sets x depths in number. theta: weight over
- * rho. fresh: its duals are not those of a step before. */
-hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, double colour, int fresh,
-                                hada_error *err);
-
-/* The steps of the learned regulariser instead, for noise of this standard deviation. */
-hada_status hada_refine_ridge_step(hada_refiner *refiner, int planes, double noise, hada_error *err);
 
 /* Looks at the planes that are read together, at most. A device that shares the host's memory is waited for at little
  * cost; another idles meanwhile. */
@@ -123,22 +111,8 @@ static inline size_t hada_refine_looks(const hada_context *context)
     return context->info.unified_memory ? 1 : 2;
 }
 
-/* Keeps the planes of one set; measures what has changed since, and keeps them anew, as the look number `look` of those
- * that are read together; and by what part of themselves (root of energies) they changed at each. */
-hada_status hada_refine_keep(const hada_refine_run *run, hada_error *err);
-hada_status hada_refine_change(const hada_refine_run *run, size_t look, hada_error *err);
-hada_status hada_refine_changes(const hada_refine_run *run, size_t looks, double *change, hada_error *err);
-
 /* before = before - planes, with its energies in each place of HADA_REFINE_PLACE pixels, [depth][channel][place]. */
 hada_status hada_refine_since(const hada_refine_run *run, cl_mem before, hada_error *err);
-
-/* Remembered planes, where they moved to. */
-hada_status hada_refine_shifted(const hada_refiner *refiner, int depths, const hada_refine_motion *motion,
-                                cl_mem planes, hada_error *err);
-
-/* The planes as they are now are set aside, and come back; where more than one look is read at once. */
-hada_status hada_refine_set_aside(const hada_refine_run *run, hada_error *err);
-hada_status hada_refine_take_back(const hada_refine_run *run, hada_error *err);
 
 /* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum, from number
  * `at` on, to the frame.
@@ -150,18 +124,20 @@ hada_status hada_refine_frame_inverse(const hada_refine_run *run, const hada_buf
                                       const hada_buffer *frame, hada_error *err);
 
 /* Slices of so many frequencies or pixels. */
-size_t hada_refine_slices(size_t count);
+static inline size_t hada_refine_slices(size_t count)
+{
+    return hada_divide_up(count, HADA_REFINE_SLICE);
+}
 
-/* Parseval: from energies of spectra to energies of images. */
-double hada_refine_per_pixel(const hada_refiner *refiner);
-
-/* Brings the sums of `count` places to the host, at once or once the slot was waited for; adds a place's up, those of
- * `parts` images a set, in order and in double; both for the first place. */
-hada_status hada_refine_fetch(const hada_refine_run *run, int place, int count, hada_error *err);
-hada_status hada_refine_fetch_later(const hada_refine_run *run, int place, int count, hada_error *err);
-void hada_refine_add_up(const hada_refine_run *run, int place, int parts, size_t slices, double factor, double *energy);
+/* Adds the sums of the first place up, those of `parts` images a set, in order and in double. */
 hada_status hada_refine_energies(const hada_refine_run *run, int parts, size_t slices, double factor, double *energy,
                                  hada_error *err);
+
+/* Parseval: from energies of spectra to energies of images. */
+static inline double hada_refine_per_pixel(const hada_refiner *refiner)
+{
+    return 1.0 / ((double)refiner->layout.rows * refiner->layout.cols);
+}
 
 /* A step of the refinement in two launches: along columns both transforms with the linear step between them, along rows
  * both with the proximal step between them (kernels/refine_columns.cl, refine_rows.cl; by work-groups

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Learns the ridge regulariser (lib/refine/ridge.h) from photographs, and writes kernels/shared_ridge_weights.h.
+"""Learns the ridge regulariser (lib/refine/proximal.h) from photographs, and writes kernels/shared_ridge_weights.h.
 
     photographs.sh FOLDER; train.py FOLDER [--iterations N] [--seed S] [--out FILE]
 Photographs are seen at several sizes, encoded or as light, with noise of 0.2 to 15 %. Each step has filters of its own; the

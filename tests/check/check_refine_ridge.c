@@ -1,7 +1,7 @@
 /* The steps of the learned ridge regulariser (refine_ridge). */
 #include "check.h"
 #include "ref/ref_ridge.h"
-#include "refine/ridge.h"
+#include "refine/proximal.h"
 
 typedef struct ridge_state {
     hada_ridge ridge;

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "kernels/shared_ridge_weights.h"
-#include "refine/ridge.h"
+#include "refine/proximal.h"
 
 enum { SIZE = HADA_RIDGE_SIZE, REACH = SIZE - 1, FILTERS = HADA_RIDGE_FILTERS, SOME = HADA_RIDGE_SOME };
 

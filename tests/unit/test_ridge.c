@@ -5,7 +5,7 @@
 #include "core/random.h"
 #include "kernels/shared_ridge_weights.h"
 #include "ref/ref_ridge.h"
-#include "refine/ridge.h"
+#include "refine/proximal.h"
 
 FIXTURE(open_device, close_device)
 

@@ -1,4 +1,4 @@
-/* Inside the search for a surface: depth maps on the host, levels of resolution, and the surface's parts. Internal. */
+/* Inside the search for a surface: depth maps on the host, levels of resolution. Internal. */
 #ifndef HADA_SURFACE_LEVEL_H
 #define HADA_SURFACE_LEVEL_H
 
@@ -73,60 +73,13 @@ typedef struct hada_surface_plan {
     hada_spectrum_layout layout;
 } hada_surface_plan;
 
-typedef struct hada_surface_level {
-    hada_surface_plan plan;
-    hada_volume *volume;
-    hada_buffer spectrum, pixels; /* of the frame, where the level has a grid of its own */
-    hada_fft *inverse;            /* padded: to the pixels */
-} hada_surface_level;
-
 /* The levels of a camera, from coarse to fine; the last, on the camera's grid, is that of the texture. Returns how
  * many.
  */
 int hada_surface_levels(const hada_context *context, const hada_surface_camera *camera, const hada_surface_shape *shape,
                         const hada_magnification *magnification, hada_surface_plan *plans);
 
-/* Hands a level the frame, brought to its grid. */
-hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, const hada_spectrum_layout *from,
-                                    const hada_surface_frame *frame, hada_error *err);
-
 /* Where the window's pixels of a level lie in the window of another. */
 hada_map_place hada_surface_level_place(const hada_surface_plan *of, const hada_surface_plan *in);
-
-/* What the parts of a surface have in common: its levels, buffers and arrays. Internal. */
-
-struct hada_surface {
-    hada_slot *slot;
-    hada_surface_camera camera;
-    hada_spectrum_layout layout;
-    hada_surface_level level[HADA_SURFACE_LEVELS];
-    int levels;
-    hada_buffer map, texture, allowed; /* depth in planes, of the last level; the texture; masks of planes */
-    double *light;                     /* [channel] H(0) of the middle depth */
-    double *shift;                     /* [depth] rms, of light from a depth to the next, in pixels */
-    float *power;                      /* [count] mean over channels of the middle depth's |H|^2 */
-    double gradient_power;             /* of white noise in the gradient of the texture's data term, by a run's rule */
-    /* on the host: planes of a level and of the one before, masks; maps of a level and of the one before, in depths of
-     * the camera from the first plane on; textures */
-    float *planes[2], *mask, *depth[2], *sum, *image[2], *confidence;
-    unsigned char *outside;
-};
-
-static inline size_t hada_surface_area(const hada_surface_plan *plan)
-{
-    return (size_t)plan->shape.window.rows * (size_t)plan->shape.window.cols;
-}
-
-/* Values of the planes of a level. */
-static inline size_t hada_surface_values(const hada_surface_plan *plan)
-{
-    return (size_t)plan->shape.planes * (size_t)plan->shape.channels * hada_surface_area(plan);
-}
-
-/* A buffer of so many floats that another object holds. */
-static inline hada_buffer hada_surface_view(const hada_surface *s, cl_mem mem, size_t values)
-{
-    return (hada_buffer){.context = s->slot->context, .mem = mem, .bytes = values * sizeof(float), .part = 1};
-}
 
 #endif

@@ -133,10 +133,8 @@ static hada_status prepare(check_state *state, hada_error *err)
                                  .channels = (size_t)own->shape.channels};
     HADA_TRY(check_camera_make(state, &own->camera, err));
     HADA_TRY(make_volume(state, own, check_get(state, 'q', 0), err));
-    const size_t each = own->camera.channels *
-                        hada_fft_layout(state->slot->context, own->shape.rows, own->shape.cols, HADA_FFT_AUTO).count;
-    for (int k = 0; k < own->shape.planes; k++)
-        HADA_TRY(hada_volume_set_camera(own->volume, k, own->camera.otf.mem, (size_t)k * each, err));
+    for (size_t k = 0, each = own->camera.otf.bytes / 8 / (size_t)own->shape.planes; k < (size_t)own->shape.planes; k++)
+        HADA_TRY(hada_volume_set_camera(own->volume, (int)k, own->camera.otf.mem, k * each, err));
     if (own->shape.weighs)
         HADA_TRY(check_camera_weights(state, &own->camera, &own->weights, &own->weigh, err));
     hada_volume_set_frame(own->volume, own->camera.spectrum.mem, 0, own->camera.seen.mem, 0, own->weights.mem);

@@ -396,8 +396,7 @@ static hada_status begin(hada_frame_exposure *exposure, const hada_frame_kind *k
     if (exposure->mosaic != HADA_MOSAIC_NONE && (pixels->rows < 2 || pixels->cols < 2))
         return hada_fail(err, HADA_ERROR_MODEL, "a colour filter mosaic has at least 2 x 2 pixels");
     exposure->pixels = *pixels;
-    return hada_allocated(exposure->levels =
-                              hada_alloc(2 * (size_t)info->channels, sizeof *exposure->levels, "a frame", err));
+    return HADA_NEW(exposure->levels, 2 * (size_t)info->channels, "a frame", err);
 }
 
 hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, const hada_frame_kind *kind,

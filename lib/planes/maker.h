@@ -140,9 +140,8 @@ void hada_maker_free_weights(hada_plane_maker *maker);
 hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err);
 
 /* Steps with the first weight of a sweep, and with the chosen one from nothing; steps at most with which a single depth
- * goes on from there until its plane settles, for all of which the refiner must be made; and steps that refinement with
- * a chosen weight takes at most from nothing, and for a mosaic. */
-enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20, HADA_CHOSEN_MOSAIC_STEPS = 30 };
+ * goes on from there until its plane settles, for all of which the refiner must be made. */
+enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40 };
 /* The fewest steps where many values are saturated: the light that these hide settles slowly. */
 enum { HADA_SATURATED_STEPS = 30 };
 
@@ -170,11 +169,6 @@ typedef struct hada_maker_choice {
  * its value's weight; 0: all alike. hada_maker_weigh() brings all back. */
 hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block, int by_weight,
                                 hada_error *err);
-
-/* Finds the weight of total variation with which the planes of `count` depths predict held-out pixels best. The
- * frame's own weights are on the device afterwards. */
-hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
-                              hada_maker_choice *choice, hada_error *err);
 
 /* What the refiner reads from the maker's stage and bank: transfer functions from `depth` on. */
 void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior);

@@ -53,11 +53,7 @@ int hada_program_can_compile(const hada_context *context);
 hada_status hada_program_get(hada_context *context, const char *file, const char *options, cl_program *out,
                              hada_error *err);
 
-typedef struct hada_program_entry {
-    char *file, *options;
-    cl_program program;
-    struct hada_program_entry *next;
-} hada_program_entry;
+typedef struct hada_program_entry hada_program_entry;
 
 struct hada_program_store {
     pthread_mutex_t lock; /* held for looking up, making and adding: a program is made once */
@@ -83,14 +79,9 @@ hada_status hada_binary_read(const char *folder, const char *name, unsigned char
 hada_status hada_binary_write(const char *folder, const char *name, const unsigned char *data, size_t bytes,
                               hada_error *err);
 
-/* Removes a binary that does not load, so that the next one can take its place. */
-void hada_binary_drop(const char *folder, const char *name);
-
 /* Makes a folder and its parents. A cache belongs to this user alone, since its programs are run. */
 enum { HADA_OURS_ALONE = 0700 };
 hada_status hada_folder_make(const char *folder, unsigned mode, hada_error *err);
-/* Whether only this user (or root) can put files into a folder; true for a folder that does not exist yet. */
-int hada_folder_is_ours(const char *folder);
 
 /* Removes files of PoCL's own cache that a loss of power has left empty or cut, once for each start of the machine. */
 void hada_driver_cache_mend(hada_context *context);
@@ -101,9 +92,5 @@ hada_status hada_program_binary(cl_program program, unsigned char **out, size_t 
 /* A program from source text. */
 hada_status hada_program_compile(hada_context *context, const char *file, const char *options, const char *text,
                                  cl_program *out, hada_error *err);
-
-/* A program from a device binary. */
-hada_status hada_program_from_binary(hada_context *context, const char *file, const char *options,
-                                     const unsigned char *binary, size_t bytes, cl_program *out, hada_error *err);
 
 #endif

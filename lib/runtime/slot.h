@@ -69,10 +69,6 @@ static inline void hada_slot_watch(hada_slot *slot, const hada_monitor *monitor)
     slot->most_unasked = HADA_SECONDS_UNASKED;
 }
 
-/* Gives a slot without a queue one; timed: it keeps the times of its events. And takes it away, when it is done. */
-hada_status hada_slot_open(hada_slot *slot, int timed, hada_error *err);
-void hada_slot_close(hada_slot *slot);
-
 /* From now on the queue keeps the times of its events: another one, the first time. Waits for commands in flight. */
 hada_status hada_slot_time(hada_slot *slot, hada_error *err);
 

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-LANGUAGE = "-cl-std=CL1.2"  # as lib/runtime/binary.c asks for it
+LANGUAGE = "-cl-std=CL1.2"  # as lib/runtime/program.c asks for it
 
 
 def nvidia(folder, device, source, macros):

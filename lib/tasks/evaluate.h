@@ -16,9 +16,6 @@ typedef struct hada_region {
 hada_status hada_region_read(hada_region *region, const hada_evaluate_task *task, hada_error *err);
 void hada_region_free(hada_region *region);
 
-/* Cuts an image to the window, in place. */
-hada_status hada_region_cut(const hada_region *region, hada_image *image, hada_error *err);
-
 /* The pages of a result and of its truth: which belong together, and what of them counts. Internal. */
 
 typedef struct hada_compared {
@@ -47,8 +44,6 @@ typedef struct hada_compared_page {
 hada_status hada_compared_read(hada_compared_page *one, const hada_compared *open, int t, int map,
                                const hada_region *region, hada_error *err);
 
-/* The middle pixels of bins of `times` x `times`, in place. */
-hada_status hada_compared_thin(hada_image *image, int times, hada_error *err);
 void hada_compared_page_free(hada_compared_page *one);
 
 /* Whether a value of an image counts. */
@@ -72,7 +67,5 @@ hada_status hada_evaluate_parts_beside(unsigned char **parts, const hada_compare
 
 /* Tables of emitters: fills in all that an evaluation of them has. Internal. */
 hada_status hada_evaluate_emitters(hada_evaluation *one, const hada_evaluate_task *by, hada_error *err);
-
-/* Comparing a result file with its truth. Internal. */
 
 #endif

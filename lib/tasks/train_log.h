@@ -35,23 +35,4 @@ hada_status hada_train_figure(const hada_train_log *log, hada_error *err);
 /* Raw frame, plane before the net, output and truth of a few of `held` held-out pairs, a row each. */
 hada_status hada_train_picture(hada_trainer *trainer, int held, const char *path, hada_error *err);
 
-/* The steps of a training, and what is due after them. */
-
-/* A training that is set up. */
-typedef struct hada_train_work {
-    const hada_train_task *task;
-    hada_trainer *trainer;
-    hada_stage stage;
-    char *log_folder, *checkpoint;
-    hada_communicator ranks; /* the first one writes */
-    hada_train_state state;  /* what is told: depths, pairs and steps are filled in */
-} hada_train_work;
-
-static inline hada_trainer_info hada_trainer_info_of(const hada_trainer *trainer)
-{
-    hada_trainer_info info = {.size = sizeof info};
-    (void)hada_trainer_get_info(trainer, &info, NULL);
-    return info;
-}
-
 #endif

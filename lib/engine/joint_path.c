@@ -23,11 +23,22 @@ static void take_found(hada_pipeline *pipeline, knowledge *k)
         pipeline->occupied[i] = k->found.all ? i : k->found.list[i];
 }
 
+/* By what a frame is brought to the units of the pairs where it must be in others, as floats that count electrons: no
+ * exposure is so much longer. How well the pairs knew a camera matters where depths are found, and was learned there.
+ */
+static double scale_of(const hada_pipeline *pipeline, const hada_frame *frame)
+{
+    const double longest = 16.0;
+    const double brighter = pipeline->usual_energy > 0.0 ? sqrt(frame->exposure.energy / pipeline->usual_energy) : 0.0;
+    return brighter > longest ? longest / brighter : 1.0;
+}
+
 /* Which computed depths the frame occupies. */
 static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
     hada_slot_stage(pipeline->slot, "pursuit");
-    HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, &k->found, err));
+    HADA_TRY(
+        hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, scale_of(pipeline, frame), &k->found, err));
     take_found(pipeline, k);
     hada_frame_progress(frame, 1 + HADA_WORK_PURSUIT);
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err);

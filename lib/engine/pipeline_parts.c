@@ -55,6 +55,8 @@ static hada_status set_power(hada_pipeline *pipeline, hada_error *err)
     hada_status status = HADA_OK;
     if (!model->scene_power || !model->pairs)
         return HADA_OK; /* measured transfer functions are exact */
+    pipeline->usual_energy =
+        (double)channels * hada_model_gain(model) * model->scene_power[0] / ((double)layout->rows * layout->cols);
     HADA_TRY_OR_DONE(HADA_NEW_RAW(scaled, values, "the scenes' power", err));
     HADA_TRY_OR_DONE(HADA_NEW(packed, channels * layout->count, "the scenes' power", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&buffer, pipeline->slot->context, channels * layout->count * sizeof(float),

@@ -34,6 +34,7 @@ struct hada_pipeline {
     hada_hadamard *stage;
     hada_meter *meter; /* NULL where spectra are not measured */
     hada_pursuit *pursuit;
+    double usual_energy;   /* of frames of the pairs, about: that of their mean; 0: not known */
     hada_refiner *refiner; /* this or the next, or neither */
     hada_classic *classic;
     hada_plane_maker maker; /* of these: from a frame on the device to planes */

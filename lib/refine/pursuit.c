@@ -667,13 +667,14 @@ done:
     return status;
 }
 
-hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, hada_pursuit_result *result, hada_error *err)
+hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, double scale, hada_pursuit_result *result,
+                             hada_error *err)
 {
     hada_set found = {0};
     *result = (hada_pursuit_result){0};
     hada_residuals_forget(p);
     for (int i = 0; i < p->level_count; i++)
-        hada_level_set_frame(&p->levels[i], spectrum);
+        hada_level_set_frame(&p->levels[i], spectrum, scale);
     return search(p, result, &found, 0, err);
 }
 

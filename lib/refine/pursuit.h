@@ -66,8 +66,10 @@ hada_status hada_pursuit_set_otf(hada_pursuit *pursuit, cl_mem otf, size_t offse
 hada_status hada_pursuit_set_prior(hada_pursuit *pursuit, cl_mem prior, hada_error *err);
 hada_status hada_pursuit_set_power(hada_pursuit *pursuit, int depth, cl_mem power, hada_error *err);
 
-/* Searches a frame: its spectrum, [channel][count] complex, dark level removed. On failure *result says nothing. */
-hada_status hada_pursuit_run(hada_pursuit *pursuit, cl_mem spectrum, hada_pursuit_result *result, hada_error *err);
+/* Searches a frame: its spectrum, [channel][count] complex, dark level removed; `scale` times it is in the units of the
+ * pairs. On failure *result says nothing. */
+hada_status hada_pursuit_run(hada_pursuit *pursuit, cl_mem spectrum, double scale, hada_pursuit_result *result,
+                             hada_error *err);
 
 /* Where the last run said that depths may hide: looks for those that few steps do not tell from their neighbours, which
  * takes longer than the run did. The spectrum is still there; *result is that of the run, and goes on. */

@@ -265,9 +265,10 @@ static void band_of(const hada_pursuit_level *l, int *rows, int *cols)
     *cols = hada_rect_grid_size(l->options->shape.grid_cols, l->spec.evidence);
 }
 
-void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum)
+void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum, double scale)
 {
     l->whole = spectrum;
+    l->scale = scale;
     l->loaded = l->measured = 0;
 }
 
@@ -277,7 +278,7 @@ static hada_status load_frame(hada_pursuit_level *l, hada_error *err)
     crop how = of_camera(l, 2, 0.0);
     if (l->loaded)
         return HADA_OK;
-    how.factor = area_ratio(&l->layout, &l->full);
+    how.factor = l->scale * area_ratio(&l->layout, &l->full);
     HADA_TRY(crop_images(l, &how, l->whole, 0, l->shape.channels, &l->spectrum, 0, err));
     if (l->frame_inverse)
         HADA_TRY(hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err));

@@ -33,6 +33,7 @@ typedef struct hada_pursuit_level {
     int has_prior, has_variance;
     /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there where it was measured */
     cl_mem whole;
+    double scale; /* of the frame: what it is brought to the grid times */
     int loaded, measured;
     double energy;
 } hada_pursuit_level;
@@ -49,7 +50,7 @@ hada_status hada_level_set_power(hada_pursuit_level *level, int depth, cl_mem po
 
 /* The frame in hand from now on, by its spectrum, which must stay as it is meanwhile. It is brought to the grid when
  * something is asked about it. */
-void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum);
+void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum, double scale);
 
 /* How closely a residual is evaluated: by which grid and by how many steps of refinement, from the quickest to the
  * dearest. */

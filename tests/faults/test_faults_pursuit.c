@@ -52,7 +52,7 @@ TEST(searches_end_where_an_evaluation_fails)
     tiny_shoot(&camera, scenes, 0.01, 5, image);
     tiny_expose(&device, &camera, image, 1.0);
     evaluation.calls = evaluation.fail_at = 0;
-    ASSERT_OK(hada_pursuit_run(pursuit, device.spectrum.mem, &result, err));
+    ASSERT_OK(hada_pursuit_run(pursuit, device.spectrum.mem, 1.0, &result, err));
     assert_true(result.fine_comparisons > 0);
     const int calls = evaluation.calls;
     assert_true(calls > 20);
@@ -60,7 +60,7 @@ TEST(searches_end_where_an_evaluation_fails)
         hada_error error = {0};
         evaluation.calls = 0;
         evaluation.fail_at = n;
-        assert_int_equal(hada_pursuit_run(pursuit, device.spectrum.mem, &result, &error), HADA_ERROR_DEVICE);
+        assert_int_equal(hada_pursuit_run(pursuit, device.spectrum.mem, 1.0, &result, &error), HADA_ERROR_DEVICE);
         if (fetestexcept(FE_INVALID))
             fail_msg("evaluation %d of %d failed, and its result was compared with something", n, calls);
         assert_int_equal(evaluation.calls, n);

@@ -43,7 +43,7 @@ static hada_pursuit_result look(fixture *f, double noise, double gain)
     hada_pursuit_result result;
     tiny_shoot(&f->camera, f->scenes, noise, 5, f->image);
     tiny_expose(&f->device, &f->camera, f->image, gain);
-    ASSERT_OK(hada_pursuit_run(f->pursuit, f->device.spectrum.mem, &result, err));
+    ASSERT_OK(hada_pursuit_run(f->pursuit, f->device.spectrum.mem, 1.0, &result, err));
     return result;
 }
 
@@ -122,13 +122,13 @@ TEST(finds_nothing_in_the_dark)
     for (size_t i = 0; i < f.camera.pixels; i++)
         f.image[i] = 0.002 * hada_random_normal(&random);
     tiny_expose(&f.device, &f.camera, f.image, 1.0);
-    ASSERT_OK(hada_pursuit_run(f.pursuit, f.device.spectrum.mem, &result, err));
+    ASSERT_OK(hada_pursuit_run(f.pursuit, f.device.spectrum.mem, 1.0, &result, err));
     assert_found(&result, 0, NULL, "noise");
     /* a constant frame cannot come from a window: anything but a failure will do */
     for (size_t i = 0; i < f.camera.pixels; i++)
         f.image[i] = 0.5;
     tiny_expose(&f.device, &f.camera, f.image, 1.0);
-    ASSERT_OK(hada_pursuit_run(f.pursuit, f.device.spectrum.mem, &result, err));
+    ASSERT_OK(hada_pursuit_run(f.pursuit, f.device.spectrum.mem, 1.0, &result, err));
     assert_true(result.count >= 0 && result.count <= 4 && result.residual >= 0.0 && result.residual <= 1.0);
     tear_down(&f);
 }

@@ -115,7 +115,7 @@ static void describe(const hada_pursuit_result *result, char *text, size_t size)
 
 static void search(hada_pursuit *pursuit, const tiny_device *device, hada_pursuit_result *result)
 {
-    ASSERT_OK(hada_pursuit_run(pursuit, device->spectrum.mem, result, err));
+    ASSERT_OK(hada_pursuit_run(pursuit, device->spectrum.mem, 1.0, result, err));
     if (result->hides)
         ASSERT_OK(hada_pursuit_part(pursuit, result, err));
 }

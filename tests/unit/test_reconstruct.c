@@ -64,6 +64,7 @@ TEST(finds_two_depths_and_tells_them_apart)
     static const int pairs[][2] = {{0, 3}, {0, 1}, {1, 3}, {2, 3}};
     SCOPED(hada_plan) * plan;
     SCOPED(hada_result) result = {0};
+    SCOPED(hada_result) counted = {0};
     double mean = 0;
     plan_of(learned, NULL, &plan);
     for (size_t p = 0; p < 4; p++) {
@@ -80,6 +81,11 @@ TEST(finds_two_depths_and_tells_them_apart)
         assert_true(right >= 0.9);
         assert_true(covered >= 0.5);
         assert_true(learned_psnr(&result.all_in_focus, &scene) >= 22);
+        for (size_t k = 0; k < hada_image_count(&raw); k++) /* as floats that count electrons */
+            raw.data[k] *= 4096.0f;
+        ASSERT_OK(hada_plan_run(plan, &raw, &counted, err));
+        for (int k = 0; k < LEARNED_DEPTHS; k++)
+            assert_int_equal(counted.report->occupied[k], result.report->occupied[k]);
         hada_image_destroy(&scene);
         destroy_images(parts, 2);
     }

@@ -3,14 +3,18 @@ include(CMakePackageConfigHelpers)
 install(TARGETS hadalens EXPORT hadalensTargets
         LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(DIRECTORY lib/include/hadalens DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
-if(BUILD_SHARED_LIBS)
-    install(EXPORT hadalensTargets NAMESPACE hadalens:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/hadalens)
-    configure_package_config_file(cmake/hadalensConfig.cmake.in ${PROJECT_BINARY_DIR}/hadalensConfig.cmake
-        INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/hadalens)
-    write_basic_package_version_file(${PROJECT_BINARY_DIR}/hadalensConfigVersion.cmake COMPATIBILITY SameMajorVersion)
-    install(FILES ${PROJECT_BINARY_DIR}/hadalensConfig.cmake ${PROJECT_BINARY_DIR}/hadalensConfigVersion.cmake
-            DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/hadalens)
+install(EXPORT hadalensTargets NAMESPACE hadalens:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/hadalens)
+configure_package_config_file(cmake/hadalensConfig.cmake.in ${PROJECT_BINARY_DIR}/hadalensConfig.cmake
+    INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/hadalens)
+# Below 1.0 a minor version may change what programs use.
+if(PROJECT_VERSION VERSION_LESS 1.0)
+    set(compatible SameMinorVersion)
+else()
+    set(compatible SameMajorVersion)
 endif()
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/hadalensConfigVersion.cmake COMPATIBILITY ${compatible})
+install(FILES ${PROJECT_BINARY_DIR}/hadalensConfig.cmake ${PROJECT_BINARY_DIR}/hadalensConfigVersion.cmake
+        DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/hadalens)
 # Only who links the static library has to have what it stands on; pkg-config asks everybody for what is named here.
 if(NOT BUILD_SHARED_LIBS)
     set(HADALENS_PC_REQUIRES "OpenCL libtiff-4 jansson libxxhash")

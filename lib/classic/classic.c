@@ -16,8 +16,9 @@ static hada_status check_options(const hada_classic_options *o, hada_error *err)
     if (o->iterations < 1 || !(o->stop >= 0.0 && o->stop < 1.0) || !(o->seconds >= 0.0) || !isfinite(o->seconds))
         return hada_fail(
             err, HADA_ERROR_ARGUMENT,
-            "the stopping rules make no sense: there is one iteration at least, seconds are not negative, the relative "
-            "change is from 0 to below 1");
+            "iterations is %d, stop %g and seconds %g: iterations are 1 or more, stop is from 0 to below 1, "
+            "and seconds are finite and not negative",
+            o->iterations, o->stop, o->seconds);
     if (!(o->weight >= 0.0 || o->weight == HADA_AUTO) || !isfinite(o->weight) ||
         !(o->lambda > 0.0 && isfinite(o->lambda)) || !(o->step > 0.0 && o->step < 2.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT,

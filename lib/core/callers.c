@@ -67,7 +67,7 @@ hada_status hada_monitor_check(const hada_monitor *monitor, hada_error *err)
 {
     if (!HAS(monitor, cancelled) || !monitor->cancelled(monitor->user))
         return HADA_OK;
-    return hada_fail(err, HADA_ERROR_CANCELLED, "stopped; the file in progress was not written");
+    return hada_fail(err, HADA_ERROR_CANCELLED, "stopped; what was in progress was not finished");
 }
 
 static void tell(const hada_progress *progress, const char *what, const char *note)

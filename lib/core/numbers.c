@@ -1,5 +1,4 @@
 #include "core/numbers.h"
-#include "core/base.h"
 
 enum { BLOCK = 1024, LANES = 16 /* largest patterns side by side, of which compilers make vectors */ };
 
@@ -26,6 +25,17 @@ static int32_t largest_pattern(const float *values, size_t count)
     for (size_t k = 1; k < LANES; k++)
         lanes[0] = hada_most(lanes[0], lanes[k]);
     return lanes[0];
+}
+
+hada_status hada_distances_check(const double *distances_mm, int count, hada_error *err)
+{
+    for (int z = 0; distances_mm && z < count; z++)
+        if (!(distances_mm[z] > (z ? distances_mm[z - 1] : 0.0) && isfinite(distances_mm[z])) &&
+            !(count == 1 && distances_mm[z] == 0.0))
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "distance %d is %g mm: distances must be above 0 and ascend from near to far", z,
+                             distances_mm[z]);
+    return HADA_OK;
 }
 
 size_t hada_not_finite(const float *values, size_t count, float *largest)

@@ -5,6 +5,7 @@
 #include <hadalens/tiff.h>
 
 #include "core/callers.h"
+#include "core/numbers.h"
 #include "image/correct.h"
 #include "image/statistics.h"
 #include "io/folder.h"
@@ -365,17 +366,11 @@ done:
 
 static hada_status check(int depths, const double *distances_mm, const int *counts, hada_error *err)
 {
-    for (int z = 0; z < depths; z++) {
-        const int unknown = depths == 1 && distances_mm[z] == 0.0;
-        if (!unknown && !(isfinite(distances_mm[z]) && distances_mm[z] > (z ? distances_mm[z - 1] : 0.0)))
-            return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "distance %d is %g mm: distances must be above 0 and ascend from near to far", z,
-                             distances_mm[z]);
+    for (int z = 0; z < depths; z++)
         if (counts[z] < 0)
             return hada_fail(err, HADA_ERROR_ARGUMENT, "the depth at %g mm cannot have %d pairs", distances_mm[z],
                              counts[z]);
-    }
-    return HADA_OK;
+    return hada_distances_check(distances_mm, depths, err);
 }
 
 /* The depths of a data set without files, in an empty store, which it takes over. */
@@ -552,6 +547,8 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
     if (store->raws) {
         pair->raw = &store->raws[index];
         pair->scene = &store->scenes[index];
+        HADA_TRY(hada_image_check(pair->raw, NULL, "a data set", "a raw frame", err));
+        HADA_TRY(hada_image_check(pair->scene, NULL, "a data set", "a scene", err));
         pair->weights = store->weights ? &store->weights[index] : &pair->own.weights;
         if (!store->weights)
             HADA_TRY(hada_saturated_weigh(pair->raw, store->mosaic, &pair->own.weights, err));
@@ -602,11 +599,11 @@ hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair,
     hada_status status = HADA_OK;
     *image = (hada_image){0};
     if (store->raws) {
-        status = hada_image_copy(image, &store->raws[hada_pair_number(dataset, depth, pair)], err);
+        const hada_image *raw = &store->raws[hada_pair_number(dataset, depth, pair)];
+        HADA_TRY(hada_image_check(raw, NULL, "a data set", "a raw frame", err));
+        status = hada_image_copy(image, raw, err);
     } else if (store->read) {
-        pthread_mutex_lock(&store->reading);
-        status = store->read(store->user, depth, number, image, &scene, err);
-        pthread_mutex_unlock(&store->reading);
+        status = hada_pair_store_call(store, depth, number, image, &scene, err);
         hada_image_destroy(&scene);
     } else {
         status = hada_tiff_load_light(store->depth[depth].files[number].raw, 0, store->frame_encoding, image, err);

@@ -109,6 +109,9 @@ struct hada_dataset {
 /* A store that is empty but for its options. `callers` may be NULL. */
 hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_options *callers, hada_error *err);
 void hada_pair_store_release(hada_pair_store **store);
+/* Has the caller's function read a pair. A failure has a message, which names the pair where the function gave none. */
+hada_status hada_pair_store_call(hada_pair_store *store, int depth, int number, hada_image *raw, hada_image *scene,
+                                 hada_error *err);
 
 /* Both images of a pair and weights: the cache's, which keeps them until the end, or else *own. keep: what is read goes
  * into the cache where there is room. Not of a store of the caller's images. */

@@ -47,7 +47,7 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
     store->ahead.changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     hada_status status = take_flat(store, &options, err);
     if (!status && options.dark_frame)
-        status = hada_dark_of_sensor(&store->dark, options.dark_frame, options.mosaic, err);
+        status = hada_dark_of_sensor(&store->dark, options.dark_frame, 0, options.mosaic, err);
     if (status)
         hada_pair_store_release(out);
     return status;
@@ -146,6 +146,23 @@ static hada_status correct(const hada_pair_store *store, hada_pair_images *image
                : HADA_OK;
 }
 
+hada_status hada_pair_store_call(hada_pair_store *store, int depth, int number, hada_image *raw, hada_image *scene,
+                                 hada_error *err)
+{
+    const char *name = store->depth[depth].files[number].raw;
+    hada_error own = {0};
+    pthread_mutex_lock(&store->reading);
+    const hada_status status = store->read(store->user, depth, number, raw, scene, &own);
+    pthread_mutex_unlock(&store->reading);
+    if (status && !*own.message)
+        return hada_fail(err, status, "%s: the data set's function could not read this pair, and gave no reason", name);
+    if (status && err)
+        *err = own;
+    return status || (raw->data && scene->data)
+               ? status
+               : hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", name);
+}
+
 /* Reads a pair, by its number over all depths, from its files or by the caller's function. */
 static hada_status read_images(hada_pair_store *store, int number, hada_pair_images *images, hada_error *err)
 {
@@ -157,12 +174,7 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
     const hada_pair_files *files = &store->depth[z].files[number];
     *images = (hada_pair_images){0};
     if (store->read) {
-        pthread_mutex_lock(&store->reading);
-        status = store->read(store->user, z, number, &images->raw, &images->scene, err);
-        pthread_mutex_unlock(&store->reading);
-        HADA_TRY_OR_DONE(status);
-        if (!images->raw.data || !images->scene.data)
-            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", files->raw));
+        HADA_TRY_OR_DONE(hada_pair_store_call(store, z, number, &images->raw, &images->scene, err));
     } else {
         HADA_TRY_OR_DONE(hada_tiff_load_light(files->raw, 0, store->frame_encoding, &images->raw, err));
         HADA_TRY_OR_DONE(hada_tiff_load(files->scene, 0, &images->scene, err));

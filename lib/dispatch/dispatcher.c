@@ -393,6 +393,18 @@ done:
     return status;
 }
 
+int hada_dispatcher_fills(hada_dispatcher *dispatcher, const hada_result *result)
+{
+    int fills = 0;
+    pthread_mutex_lock(&dispatcher->lock);
+    const hada_job *const lists[] = {dispatcher->waiting, dispatcher->running};
+    for (int k = 0; k < 2; k++)
+        for (const hada_job *job = lists[k]; job; job = job->next)
+            fills |= job->frame.result == result;
+    pthread_mutex_unlock(&dispatcher->lock);
+    return fills;
+}
+
 void hada_dispatcher_cancel(hada_dispatcher *dispatcher, hada_job *job)
 {
     pthread_mutex_lock(&dispatcher->lock);

@@ -124,10 +124,14 @@ static hada_status begin_frame(hada_job *job, hada_plan *plan, const frame_input
         return begin_device(job, plan, input->device, result, err);
     if (input->pixels)
         HADA_TRY(hada_pixels_take(&pixels, input->pixels, err));
-    else if (!input->image->data)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "the frame has no data");
-    else
+    else {
+        HADA_TRY(hada_image_check(input->image, NULL, "a frame", "raw", err));
         hada_pixels_of_image(&pixels, input->image);
+    }
+    const hada_stored memory = hada_pixels_stored(&pixels);
+    if (hada_result_overlaps(result, memory.data, memory.bytes))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the frame and the result share memory: give the result arrays of its own, or copy the frame");
     return hada_frame_begin(&job->frame, &plan->setup, &pixels, result, err);
 }
 
@@ -157,6 +161,8 @@ static hada_status submit(hada_job **out, hada_plan *plan, const frame_input *in
     int begun = 0;
     hada_status status = HADA_OK;
     *out = NULL;
+    if (hada_dispatcher_fills(plan->dispatcher, result))
+        return hada_fail(err, HADA_ERROR_STATE, "another job of the plan fills this result: give each job its own");
     HADA_TRY_OR_DONE(HADA_NEW(job, 1, "a job", err));
     HADA_TRY_OR_DONE(begin(job, plan, input, result, err));
     begun = 1;

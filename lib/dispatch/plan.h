@@ -110,6 +110,8 @@ void hada_dispatcher_release(hada_dispatcher *dispatcher);
 
 /* Adds the job at the end of the queue; the first job makes the threads. */
 hada_status hada_dispatcher_submit(hada_dispatcher *dispatcher, hada_job *job, hada_error *err);
+/* Whether a job that has not ended fills the result. */
+int hada_dispatcher_fills(hada_dispatcher *dispatcher, const hada_result *result);
 /* Asks the job to end; one that waits ends at once. */
 void hada_dispatcher_cancel(hada_dispatcher *dispatcher, hada_job *job);
 

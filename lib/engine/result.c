@@ -35,11 +35,37 @@ static hada_status make_memory(hada_result *result, hada_error *err)
     return result->memory ? HADA_OK : HADA_NEW(result->memory, 1, "the result", err);
 }
 
+/* Whether two pieces of memory share a byte. */
+static int share(const void *a, size_t a_bytes, const void *b, size_t b_bytes)
+{
+    const uintptr_t x = (uintptr_t)a, y = (uintptr_t)b;
+    return a && b && (x < y ? y - x < a_bytes : x - y < b_bytes);
+}
+
+int hada_result_overlaps(const hada_result *result, const void *data, size_t bytes)
+{
+    const hada_image *all = &result->all_in_focus, *map = &result->distance_map;
+    const hada_result_arrays none = {0}, *arrays = result->memory ? &result->memory->arrays : &none;
+    return share(data, bytes, arrays->stack, arrays->stack_count * sizeof(float)) ||
+           share(data, bytes, arrays->all_in_focus, arrays->all_in_focus_count * sizeof(float)) ||
+           share(data, bytes, arrays->distance_map, arrays->distance_map_count * sizeof(float)) ||
+           share(data, bytes, all->data, hada_image_count(all) * sizeof(float)) ||
+           share(data, bytes, map->data, hada_image_count(map) * sizeof(float)) ||
+           (result->depths && share(data, bytes, result->planes[0].data,
+                                    (size_t)result->depths * hada_image_count(&result->planes[0]) * sizeof(float)));
+}
+
 hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err)
 {
     hada_result_arrays own;
     HADA_NEED(result, err);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_result_arrays, err));
+    const size_t stack = own.stack_count * sizeof(float), all = own.all_in_focus_count * sizeof(float),
+                 map = own.distance_map_count * sizeof(float);
+    if (share(own.stack, stack, own.all_in_focus, all) || share(own.stack, stack, own.distance_map, map) ||
+        share(own.all_in_focus, all, own.distance_map, map))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "two of stack, all_in_focus and distance_map share memory: give each an array of its own");
     hada_result_clear(result);
     HADA_TRY(make_memory(result, err));
     result->memory->arrays = own;

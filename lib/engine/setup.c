@@ -15,6 +15,45 @@ enum {
     BATCH = 8          /* depths at once: more only cost memory, the spectrum stays in the cache either way */
 };
 
+#define MOST_GAMMA 100.0 /* with more, all but white is black */
+
+/* What is given is used: a dark frame, a dark level or a list of occupied depths says that it is meant, where the
+ * member that chooses among them has its default. */
+static hada_status settle(hada_plan_options *o, hada_error *err)
+{
+    if ((unsigned)o->dark > HADA_DARK_FRAME || (unsigned)o->occupied > HADA_OCCUPIED_LIST)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.dark is %d and options.occupied %d: they are HADA_DARK_... and HADA_OCCUPIED_...",
+                         (int)o->dark, (int)o->occupied);
+    if (o->dark == HADA_DARK_MODEL && (o->dark_frame || o->dark_level != 0.0))
+        o->dark = o->dark_frame ? HADA_DARK_FRAME : HADA_DARK_LEVEL;
+    if (o->occupied == HADA_OCCUPIED_AUTO && o->occupied_list)
+        o->occupied = HADA_OCCUPIED_LIST;
+    if ((o->dark_frame && o->dark != HADA_DARK_FRAME) || (o->dark_level != 0.0 && o->dark != HADA_DARK_LEVEL))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.dark is %d, options.dark_level %g, and options.dark_frame is %s: give one of the "
+                         "last two alone",
+                         (int)o->dark, o->dark_level, o->dark_frame ? "given" : "not");
+    if (o->dark == HADA_DARK_FRAME && !o->dark_frame)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.dark is HADA_DARK_FRAME, but options.dark_frame is NULL");
+    if (o->dark_level == HADA_AUTO) {
+        o->dark = HADA_DARK_AUTO;
+        o->dark_level = 0.0;
+    }
+    if (!(o->dark_level >= 0.0 && isfinite(o->dark_level)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.dark_level is %g; it is finite and not negative, or HADA_AUTO", o->dark_level);
+    if (!o->depths != !o->depth_count || o->depth_count < 0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.depth_count is %d, and options.depths is %s",
+                         o->depth_count, o->depths ? "a list" : "NULL");
+    if (!o->occupied_list != !o->occupied_count || o->occupied_count < 0 ||
+        (o->occupied == HADA_OCCUPIED_LIST) != (o->occupied_list != NULL))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.occupied is %d, options.occupied_count %d, and options.occupied_list is %s",
+                         (int)o->occupied, o->occupied_count, o->occupied_list ? "a list" : "NULL");
+    return HADA_OK;
+}
+
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
 {
     for (int i = 0; i < count; i++)
@@ -27,10 +66,15 @@ static hada_status check_list(const int *list, int count, int limit, const char 
 
 static hada_status check_numbers(const hada_plan_options *options, hada_error *err)
 {
-    if (options->depth_count < 0 || options->occupied_count < 0 ||
-        (options->batch < 0 && options->batch != HADA_AUTO) || (options->refine < 0 && options->refine != HADA_AUTO) ||
-        !(options->gamma > 0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
+    if ((options->batch < 0 && options->batch != HADA_AUTO) || (options->refine < 0 && options->refine != HADA_AUTO) ||
+        options->refine > HADA_MODEL_MOST_STEPS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.batch is %d and options.refine %d: they are HADA_AUTO or 0 and more, and refine at "
+                         "most %d",
+                         options->batch, options->refine, HADA_MODEL_MOST_STEPS);
+    if (!(options->gamma > 0.0 && options->gamma <= MOST_GAMMA))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.gamma is %g; it is above 0 and at most %g", options->gamma,
+                         MOST_GAMMA);
     if (!isfinite(options->refine_tv) ||
         (options->refine_tv < 0 && options->refine_tv != HADA_AUTO && options->refine_tv != HADA_REFINE_TV_FRAME))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is %g; it is 0 or more",
@@ -46,9 +90,6 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
     if (options->crosstalk != HADA_AUTO && !hada_crosstalk_known(options->crosstalk))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the share of crosstalk is %g; 0 to 1 are possible",
                          options->crosstalk);
-    if (options->dark == HADA_DARK_LEVEL && !isfinite(options->dark_level))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the dark level is %g; it is finite",
-                         options->dark_level);
     if ((options->queues < 0 && options->queues != HADA_AUTO) || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
@@ -56,9 +97,11 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
         options->skip & ~(unsigned)HADA_SKIP_ALL)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "options.max_error takes 0 to below 1, options.band a share above 0 and at most 1, and "
-                         "options.skip is made of HADA_SKIP_...");
+                         "options.skip is made of HADA_SKIP_...; they are %g, %g and %u",
+                         options->max_error, options->band, options->skip);
     if ((int)options->scene < HADA_SCENE_AUTO || options->scene > HADA_SCENE_VOLUME)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: scene is one of HADA_SCENE_...");
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.scene is %d; it is one of HADA_SCENE_...",
+                         (int)options->scene);
     return HADA_OK;
 }
 
@@ -72,15 +115,24 @@ static hada_frame_kind kind_of(const hada_model_info *info, const hada_plan_opti
                              options->mosaic == HADA_MOSAIC_AUTO ? model : options->mosaic};
 }
 
+/* An image beside the frame, which all channels share or each has. */
+static hada_status check_frame(const hada_model_info *info, const hada_image *frame, const char *member,
+                               hada_error *err)
+{
+    if (!frame || ((frame->channels == info->channels || frame->channels == 1) && frame->rows == info->raw_rows &&
+                   frame->cols == info->raw_cols && frame->data))
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_SIZE,
+                     "options.%s must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d x %d%s",
+                     member, info->channels, info->raw_rows, info->raw_cols, frame->channels, frame->rows, frame->cols,
+                     frame->data ? "" : ", without data");
+}
+
 static hada_status check_options(const hada_model_info *info, const hada_plan_options *options, hada_error *err)
 {
     HADA_TRY(check_numbers(options, err));
-    if (options->depths && !options->depth_count)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the list of depths is empty"));
     if (options->depths)
         HADA_TRY(check_list(options->depths, options->depth_count, info->depths, "depths", err));
-    if (options->occupied == HADA_OCCUPIED_LIST && !(options->occupied_list && options->occupied_count))
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the list of occupied depths is empty"));
     if (options->occupied == HADA_OCCUPIED_LIST)
         HADA_TRY(check_list(options->occupied_list, options->occupied_count, info->depths, "occupied depths", err));
     if (options->refine > 0 && !info->has_otf)
@@ -89,21 +141,12 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
                       "the model %s holds no transfer functions, so nothing can be refined: use options.refine 0, or "
                       "make the model again with fit",
                       info->name));
-    const hada_image *dark = options->dark_frame, *weights = options->pixel_weights, *flat = options->flat_frame;
-    if (weights && ((weights->channels != info->channels && weights->channels != 1) ||
-                    weights->rows != info->raw_rows || weights->cols != info->raw_cols))
-        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
-                           "the weights of pixels must have 1 or %d channel(s) of %d x %d pixels, as the model",
-                           info->channels, info->raw_rows, info->raw_cols));
-    if (flat && ((flat->channels != info->channels && flat->channels != 1) || flat->rows != info->raw_rows ||
-                 flat->cols != info->raw_cols))
-        HADA_TRY(
-            hada_fail(err, HADA_ERROR_SIZE,
-                      "the flat frame must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d "
-                      "x %d",
-                      info->channels, info->raw_rows, info->raw_cols, flat->channels, flat->rows, flat->cols));
+    HADA_TRY(check_frame(info, options->pixel_weights, "pixel_weights", err));
+    HADA_TRY(check_frame(info, options->flat_frame, "flat_frame", err));
+    HADA_TRY(check_frame(info, options->dark_frame, "dark_frame", err));
     if (!hada_mosaic_is_known(options->mosaic))
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: mosaic is one of HADA_MOSAIC_..."));
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.mosaic is %d; it is one of HADA_MOSAIC_...",
+                           (int)options->mosaic));
     if (options->downsample < 1 && options->downsample != HADA_AUTO)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.downsample is 1 or more, or HADA_AUTO; not %d",
                            options->downsample));
@@ -119,12 +162,6 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
                            "a colour filter mosaic needs a model of three channels, and the model %s has %d: leave "
                            "options.mosaic out, or make the model with fit options.mosaic",
                            info->name, info->channels));
-    const int grey_dark = dark && dark->channels == 1 && hada_mosaic_is_pattern(mosaic);
-    if (options->dark == HADA_DARK_FRAME && (!dark || (dark->channels != info->channels && !grey_dark) ||
-                                             dark->rows != info->raw_rows || dark->cols != info->raw_cols))
-        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
-                           "the dark frame must have %d channel(s) of %d x %d pixels, as the model", info->channels,
-                           info->raw_rows, info->raw_cols));
     return HADA_OK;
 }
 
@@ -169,7 +206,8 @@ static hada_status choose_support(const hada_model_info *info, const hada_plan_o
     const int iterates = config->classic && config->method.options.method != HADA_METHOD_WIENER;
     const int possible = config->joint && !config->classic && info->boundary == HADA_BOUNDARY_PADDED;
     if ((int)options->support < HADA_SUPPORT_AUTO || options->support > HADA_SUPPORT_GRID)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: support is one of HADA_SUPPORT_...");
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.support is %d; it is one of HADA_SUPPORT_...",
+                         (int)options->support);
     if (options->support == HADA_SUPPORT_GRID && !possible && !iterates)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "the support is the grid only for refinement of a sensor that crops (boundary padded) and for "
@@ -545,7 +583,8 @@ static hada_status begin(hada_setup *setup, hada_context *context, const hada_pl
         HADA_TRY(
             hada_classic_fit_grid(&setup->config.method, context, model, setup->depths, setup->config.depths, err));
     if (setup->config.dark)
-        HADA_TRY(hada_dark_of_sensor(&setup->dark_frame, options->dark_frame, setup->config.mosaic, err));
+        HADA_TRY(hada_dark_of_sensor(&setup->dark_frame, options->dark_frame, model->info.channels,
+                                     setup->config.mosaic, err));
     return take_flat(setup, options->flat_frame, err);
 }
 
@@ -556,7 +595,8 @@ hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const had
     hada_plan_options own = *options;
     hada_image binned[3] = {{0}};
     hada_status status = HADA_OK;
-    *setup = (hada_setup){.model = model, .options = *options};
+    HADA_TRY(settle(&own, err));
+    *setup = (hada_setup){.model = hada_model_hold(model), .options = own};
     if (own.dark == HADA_DARK_MODEL)
         own.dark_frame = model->info.dark_frame;
     setup->options.depths = setup->options.occupied_list = NULL;
@@ -614,5 +654,6 @@ void hada_setup_free(hada_setup *setup)
     hada_image_destroy(&setup->pixel_weights);
     hada_classic_camera_free(&setup->camera);
     HADA_FREE(setup->depths, setup->distances, setup->listed);
+    hada_model_destroy(&setup->model);
     *setup = (hada_setup){0};
 }

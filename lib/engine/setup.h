@@ -65,7 +65,7 @@ hada_status hada_config_volume(const hada_config *config, const hada_model_info 
 hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model);
 
 typedef struct hada_setup {
-    const hada_model *model;
+    hada_model *model;         /* held, not changed */
     hada_plan_options options; /* its pointers are not kept: the arrays below are */
     hada_config config;
     int *depths;                  /* indices into the model */

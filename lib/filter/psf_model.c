@@ -309,8 +309,8 @@ static hada_status check_field(const hada_psf_options *o, hada_error *err)
 static hada_status check_psfs(const hada_image *psfs, int depths, hada_error *err)
 {
     for (int z = 0; z < depths; z++) {
-        if (!psfs[z].data || psfs[z].channels != psfs->channels || psfs[z].rows != psfs->rows ||
-            psfs[z].cols != psfs->cols)
+        HADA_TRY(hada_image_check(&psfs[z], NULL, "hada_model_from_psf", "one of psfs", err));
+        if (psfs[z].channels != psfs->channels || psfs[z].rows != psfs->rows || psfs[z].cols != psfs->cols)
             return hada_fail(err, HADA_ERROR_SIZE,
                              "point spread functions must be of one size: depth %d has %d channels, %d x %d; depth 0 "
                              "has %d, %d x %d",
@@ -340,14 +340,18 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
             hada_fail(err, HADA_ERROR_ARGUMENT,
                       "a point spread function gives filters of the forms matched and wiener; for complex or "
                       "split, fit from pairs"));
-    if (!isfinite(options->lambda) || (options->lambda <= 0.0 && options->lambda != HADA_AUTO) ||
-        !isfinite(options->refine_tv) || (options->refine_tv < 0.0 && options->refine_tv != HADA_AUTO) ||
-        !isfinite(options->dark) || !isfinite(options->psf_dark) || !isfinite(options->psf_gate) ||
-        (options->psf_gate < 0.0 && options->psf_gate != HADA_AUTO) ||
-        (options->refine_steps < 0 && options->refine_steps != HADA_AUTO) || options->psf_taper < 0)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
-                                   "lambda, refine_tv, psf_gate and dark levels must be finite, lambda above 0, "
-                                   "refine_tv, refine_steps, psf_gate and psf_taper not negative"));
+    if (options->lambda == 0.0 || !hada_model_weight_is_given(options->lambda) ||
+        !hada_model_weight_is_given(options->refine_tv) || !hada_model_weight_is_given(options->dark) ||
+        !isfinite(options->psf_dark) || !hada_model_weight_is_given(options->psf_gate) ||
+        !hada_model_weight_is_given(options->refine_steps) || options->refine_steps > HADA_MODEL_MOST_STEPS ||
+        options->psf_taper < 0)
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "options.lambda is %g, refine_tv %g, psf_gate %g, dark %g, psf_dark %g, refine_steps "
+                      "%d and psf_taper %d: they are finite, lambda above 0, none negative but psf_dark and "
+                      "HADA_AUTO, and at most %g, or %d steps",
+                      options->lambda, options->refine_tv, options->psf_gate, options->dark, options->psf_dark,
+                      options->refine_steps, options->psf_taper, HADA_MODEL_MOST_WEIGHT, HADA_MODEL_MOST_STEPS));
     if ((int)options->turn < HADA_TURN_NONE || options->turn > HADA_TURN_270)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "there is no turn %d (hada_turn)", (int)options->turn));
     HADA_TRY_OR_DONE(check_field(options, err));

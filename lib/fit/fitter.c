@@ -47,12 +47,6 @@ done:
     return status;
 }
 
-/* Only HADA_AUTO has something chosen, and no other number. */
-static int is_open_or_given(double value)
-{
-    return value == HADA_AUTO || (value >= 0.0 && isfinite(value));
-}
-
 static hada_status check_options(const hada_fit_options *options, hada_error *err)
 {
     if (options->form != HADA_FORM_COMPLEX && options->form != HADA_FORM_SPLIT)
@@ -61,12 +55,15 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
                          "spread functions");
     if (!options->distances_mm)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the distances of the depths are needed");
-    if (!is_open_or_given(options->alpha) || !is_open_or_given(options->lambda) ||
-        !is_open_or_given(options->refine_tv) || !is_open_or_given(options->refine_steps) || !isfinite(options->dark))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "alpha, lambda, refine_tv and refine_steps are HADA_AUTO or 0 and more, and the dark level is "
-                         "finite (%g, %g, %g, %d, %g)",
-                         options->alpha, options->lambda, options->refine_tv, options->refine_steps, options->dark);
+    if (!hada_model_weight_is_given(options->alpha) || !hada_model_weight_is_given(options->lambda) ||
+        !hada_model_weight_is_given(options->refine_tv) || !hada_model_weight_is_given(options->refine_steps) ||
+        options->refine_steps > HADA_MODEL_MOST_STEPS || !hada_model_weight_is_given(options->dark))
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "options.alpha is %g, lambda %g, refine_tv %g, refine_steps %d and dark %g: they are HADA_AUTO, "
+            "or 0 to %g, and at most %d steps",
+            options->alpha, options->lambda, options->refine_tv, options->refine_steps, options->dark,
+            HADA_MODEL_MOST_WEIGHT, HADA_MODEL_MOST_STEPS);
     if (options->scene_response != HADA_AUTO && !hada_response_is_known(options->scene_response))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the response of the scenes, %g, is none (hadalens/response.h)",
                          options->scene_response);

@@ -6,6 +6,8 @@
 #include <string.h>
 
 #include "core/callers.h"
+#include "core/numbers.h"
+#include "image/pixels.h"
 #include "launch/focus.h"
 
 /* How the kernels part the work. */
@@ -179,13 +181,7 @@ static hada_status focus_check(const hada_focus_desc *desc, hada_error *err)
                          "planes of %d channels, %d x %d are too large to be focused: %d values "
                          "at most",
                          desc->channels, desc->rows, desc->cols, INT_MAX - 256);
-    /* a camera of one depth may not know its distance: 0 */
-    for (int i = 0; i < desc->depths && !(desc->depths == 1 && desc->distances_mm[0] == 0.0); i++)
-        if (!(desc->distances_mm[i] > 0.0) || (i && !(desc->distances_mm[i] > desc->distances_mm[i - 1])))
-            return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "distance %d of %d (%g mm) is not possible; distances must be above 0 and rise", i + 1,
-                             desc->depths, desc->distances_mm[i]);
-    return HADA_OK;
+    return hada_distances_check(desc->distances_mm, desc->depths, err);
 }
 
 static int window_radius(const hada_focus_options *options)
@@ -428,7 +424,8 @@ static hada_status check_planes(const hada_image *planes, int depths, hada_error
     if (depths < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a stack of %d depths cannot be focused", depths);
     for (int i = 0; i < depths; i++) {
-        if (!planes[i].data || planes[i].channels != planes[0].channels || planes[i].rows != planes[0].rows ||
+        HADA_TRY(hada_image_check(&planes[i], NULL, "hada_focus_stack", "one of planes", err));
+        if (planes[i].channels != planes[0].channels || planes[i].rows != planes[0].rows ||
             planes[i].cols != planes[0].cols)
             return hada_fail(err, HADA_ERROR_SIZE,
                              "plane %d of %d channels, %d x %d differs from the first of %d channels, %d x %d", i + 1,

@@ -143,8 +143,9 @@ static hada_status check(const hada_image *frames, int count, hada_mosaic mosaic
     if (mosaic != HADA_MOSAIC_NONE && !hada_mosaic_is_pattern(mosaic))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the mosaic of a bracket, %d, is not a pattern", (int)mosaic);
     for (int k = 0; k < count; k++)
-        if (!frames[k].data || frames[k].channels != frames->channels || frames[k].rows != frames->rows ||
-            frames[k].cols != frames->cols)
+        HADA_TRY(hada_image_check(&frames[k], NULL, "a bracket", "one of frames", err));
+    for (int k = 0; k < count; k++)
+        if (frames[k].channels != frames->channels || frames[k].rows != frames->rows || frames[k].cols != frames->cols)
             return hada_fail(
                 err, HADA_ERROR_SIZE, "exposure %d has %d channel(s) of %d x %d pixels, the first %d of %d x %d", k + 1,
                 frames[k].channels, frames[k].rows, frames[k].cols, frames->channels, frames->rows, frames->cols);

@@ -11,9 +11,10 @@
  * of one channel, pixels of the same place in the pattern count, in squares of these. *repaired: how many. */
 hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err);
 
-/* A dark frame of all channels: a mosaic's, of one channel, filled in as frames are. HADA_ERROR_NOT_FINITE;
- * HADA_ERROR_SIZE where a mosaic has less than 2 x 2 pixels. */
-hada_status hada_dark_of_sensor(hada_image *out, const hada_image *dark, hada_mosaic mosaic, hada_error *err);
+/* A dark frame of all channels: one channel is repeated, a mosaic's filled in as frames are. channels: of the frames;
+ * 0: those of the dark frame. HADA_ERROR_NOT_FINITE; HADA_ERROR_SIZE where a mosaic has less than 2 x 2 pixels. */
+hada_status hada_dark_of_sensor(hada_image *out, const hada_image *dark, int channels, hada_mosaic mosaic,
+                                hada_error *err);
 
 /* What each pixel makes of the same light, from a flat frame (an evenly lit sensor without optics, its dark level taken
  * off), over the mean of its colour: `channels` planes, which it has or, where it has one, which are alike; of a mosaic

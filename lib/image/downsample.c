@@ -1,6 +1,7 @@
 /* Binning: fewer, larger pixels. */
 #include "core/base.h"
 #include "image/mosaic.h"
+#include "image/pixels.h"
 #include "image/statistics.h"
 
 /* The pixels of a bin that count: from `count` places in its first pixels on, each `step` further in rows and columns.
@@ -45,7 +46,8 @@ hada_status hada_image_downsample(hada_image *out, const hada_image *image, int 
 {
     float *room = NULL;
     hada_status status = HADA_OK;
-    HADA_NEED(out && image && image->data, err);
+    HADA_NEED(out, err);
+    HADA_NEED_IMAGE(image, out, err);
     *out = (hada_image){0};
     const int coloured = mosaic != HADA_MOSAIC_NONE;
     if (coloured && (!hada_mosaic_is_pattern(mosaic) || image->channels != 1 || factor % 2))

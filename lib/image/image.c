@@ -28,6 +28,18 @@ void hada_image_destroy(hada_image *image)
     *image = (hada_image){0};
 }
 
+hada_status hada_image_check(const hada_image *image, const hada_image *out, const char *function, const char *name,
+                             hada_error *err)
+{
+    if (!image || !image->data || image->channels < 1 || image->rows < 1 || image->cols < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: %s is %s image", function, name,
+                         !image                            ? "NULL, and no"
+                         : image->data || !image->channels ? "an empty"
+                                                           : "without data, and no");
+    return image == out ? hada_fail(err, HADA_ERROR_ARGUMENT, "%s: %s and out are the same image", function, name)
+                        : HADA_OK;
+}
+
 hada_status hada_image_ensure(hada_image *image, int channels, int rows, int cols, hada_error *err)
 {
     if (image->data && image->channels == channels && image->rows == rows && image->cols == cols)
@@ -53,7 +65,7 @@ float hada_image_brightest(const hada_image *image)
 
 size_t hada_image_count_not_finite(const hada_image *image)
 {
-    if (!image)
+    if (!image || !image->data)
         return 0;
     float largest;
     return hada_not_finite(image->data, hada_image_count(image), &largest);
@@ -207,13 +219,15 @@ done:
 
 hada_status hada_image_resize(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err)
 {
-    HADA_NEED(out && image, err);
+    HADA_NEED(out, err);
+    HADA_NEED_IMAGE(image, out, err);
     return scale(out, image, 0, 0, image->rows, image->cols, rows, cols, err);
 }
 
 hada_status hada_scene_fit(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err)
 {
-    HADA_NEED(out && image, err);
+    HADA_NEED(out, err);
+    HADA_NEED_IMAGE(image, out, err);
     *out = (hada_image){0};
     if (rows < 1 || cols < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d x %d is not possible", rows, cols);
@@ -230,15 +244,16 @@ hada_status hada_scene_fit(hada_image *out, const hada_image *image, int rows, i
 hada_status hada_image_crop(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols,
                             hada_error *err)
 {
-    HADA_NEED(out && image, err);
+    HADA_NEED(out, err);
+    HADA_NEED_IMAGE(image, out, err);
     HADA_TRY(hada_image_create(out, image->channels, rows, cols, err));
     for (int c = 0; c < image->channels; c++)
         for (int r = 0; r < rows; r++) {
-            const int from = row0 + r;
+            const long long from = (long long)row0 + r;
             if (from < 0 || from >= image->rows)
                 continue;
             for (int k = 0; k < cols; k++) {
-                const int col = col0 + k;
+                const long long col = (long long)col0 + k;
                 if (col >= 0 && col < image->cols)
                     out->data[((size_t)c * (size_t)rows + (size_t)r) * (size_t)cols + (size_t)k] =
                         image->data[((size_t)c * (size_t)image->rows + (size_t)from) * (size_t)image->cols +

@@ -3,11 +3,35 @@
 #include "core/callers.h"
 
 /* Most values of a row or a column: as of a TIFF file. */
-#define MOST (1 << 24)
+#define MOST       (1 << 24)
+#define MOST_REACH 0x1p47 /* bytes: of what a program can address */
 
 static ptrdiff_t bytes_of(hada_pixel_type type)
 {
     return type == HADA_PIXEL_U8 ? 1 : type == HADA_PIXEL_U16 ? 2 : 4;
+}
+
+/* Each sample has a place of its own: a step is at least as long as what the axes with shorter steps reach. */
+static hada_status check_strides(const hada_pixels *p, hada_error *err)
+{
+    const double sizes[] = {p->cols, p->rows, p->channels};
+    const ptrdiff_t strides[] = {p->col_stride, p->row_stride, p->channel_stride};
+    double steps[3], reach = (double)bytes_of(p->type);
+    for (int i = 0; i < 3; i++)
+        steps[i] = sizes[i] > 1.0 ? fabs((double)strides[i]) : INFINITY;
+    for (int done = 0; done < 3; done++) {
+        int next = steps[1] < steps[0];
+        next = steps[2] < steps[next] ? 2 : next;
+        if (steps[next] == INFINITY)
+            break;
+        if (steps[next] < reach || (reach += steps[next] * (sizes[next] - 1.0)) > MOST_REACH)
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "channel_stride %td, row_stride %td and col_stride %td put samples onto each other, or "
+                             "beyond the memory",
+                             p->channel_stride, p->row_stride, p->col_stride);
+        steps[next] = INFINITY;
+    }
+    return HADA_OK;
 }
 
 hada_status hada_pixels_take(hada_pixels *own, const hada_pixels *callers, hada_error *err)
@@ -28,7 +52,7 @@ hada_status hada_pixels_take(hada_pixels *own, const hada_pixels *callers, hada_
         own->col_stride % align)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "address and strides of pixels must be multiples of their %d bytes",
                          (int)align);
-    return HADA_OK;
+    return check_strides(own, err);
 }
 
 int hada_pixels_is_image(const hada_pixels *p)

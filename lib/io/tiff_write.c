@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "core/callers.h"
+#include "image/pixels.h"
 #include "io/tiff_page.h"
 #include "io/tiff_write.h"
 
@@ -39,6 +40,13 @@ static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_o
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a full scale of %g was asked for; it is above 0", o->scale);
     if (o->encoding != 0.0 && !hada_response_is_known(o->encoding))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an encoding of %g is none (hadalens/response.h)", o->encoding);
+    if (!(o->pixel_um >= 0.0 && isfinite(o->pixel_um)) || (unsigned)o->layout > HADA_TIFF_HYPERSTACK || o->slices < 0 ||
+        o->times < 0)
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "options.pixel_um is %g, layout %d, slices %d and times %d: none is negative, and the layout is "
+            "one of HADA_TIFF_...",
+            o->pixel_um, (int)o->layout, o->slices, o->times);
     o->description = o->description ? o->description : "";
     if (o->layout == HADA_TIFF_HYPERSTACK || o->distances_mm) {
         o->slices = o->slices < 1 ? 1 : o->slices;
@@ -46,7 +54,7 @@ static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_o
     }
     if (o->bits != 8 && o->bits != 16 && o->bits != 32)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%d bits were asked for; 8, 16 and 32 (float) are offered", o->bits);
-    if (w->channels < 1 || w->channels > 4096 || w->rows < 1 || w->cols < 1 || o->slices < 0 || o->times < 0 ||
+    if (w->channels < 1 || w->channels > 4096 || w->rows < 1 || w->cols < 1 ||
         (double)w->channels * (o->slices ? o->slices : 1) * (o->times ? o->times : 1) > 1 << 30)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "%d channels of %d x %d pixels, %d slices and %d times cannot be written", w->channels,
@@ -284,7 +292,8 @@ static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int 
 
 static hada_status write_frame(hada_tiff_writer *w, const hada_image *image, int light, hada_error *err)
 {
-    HADA_NEED(w && image, err);
+    HADA_NEED(w, err);
+    HADA_NEED_IMAGE(image, NULL, err);
     if (image->channels != w->channels || image->rows != w->rows || image->cols != w->cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "%s takes frames of %d channels, %d x %d; this one has %d channels, %d x %d", w->file.path,
@@ -363,7 +372,8 @@ void hada_tiff_abandon(hada_tiff_writer **writer)
 hada_status hada_tiff_save(const char *path, const hada_image *image, const hada_tiff_write_options *options,
                            hada_error *err)
 {
-    HADA_NEED(path && image, err);
+    HADA_NEED(path, err);
+    HADA_NEED_IMAGE(image, NULL, err);
     hada_status status = HADA_OK;
     hada_tiff_writer *writer = NULL;
     HADA_TRY_OR_DONE(hada_tiff_create(&writer, path, image->channels, image->rows, image->cols, options, err));

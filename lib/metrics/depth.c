@@ -3,6 +3,8 @@
 #include <hadalens/metrics.h>
 
 #include "core/callers.h"
+#include "core/numbers.h"
+#include "image/pixels.h"
 
 double hada_depth_index(const double *distances_mm, int count, double distance_mm)
 {
@@ -36,7 +38,10 @@ double hada_depth_distance(const double *distances_mm, int count, double index)
 hada_status hada_metric_depth(const hada_image *map, const hada_image *truth, const double *distances_mm, int count,
                               double tolerance, const unsigned char *mask, hada_depth_score *out, hada_error *err)
 {
-    HADA_NEED(map && truth && (distances_mm || !count), err);
+    HADA_NEED(distances_mm || !count, err);
+    HADA_NEED_IMAGE(map, NULL, err);
+    HADA_NEED_IMAGE(truth, NULL, err);
+    HADA_TRY(hada_distances_check(distances_mm, count, err));
     hada_status status = HADA_REPORT_CHECK(out, hada_depth_score, err);
     if (status || !out)
         return status ? status : hada_fail(err, HADA_ERROR_ARGUMENT, "hada_metric_depth: out is needed");
@@ -117,7 +122,9 @@ static void mark_jumps(const hada_image *map, const double *index, double jump, 
 hada_status hada_metric_depth_parts(const hada_image *truth, const double *distances_mm, int count, double jump_steps,
                                     int reach_pixels, unsigned char *parts, hada_error *err)
 {
-    HADA_NEED(truth && distances_mm && parts, err);
+    HADA_NEED(distances_mm && parts, err);
+    HADA_NEED_IMAGE(truth, NULL, err);
+    HADA_TRY(hada_distances_check(distances_mm, count, err));
     const double jump = jump_steps == HADA_AUTO ? 0.5 : jump_steps;
     const int reach = reach_pixels == HADA_AUTO ? 3 : reach_pixels;
     double *index = NULL;
@@ -166,7 +173,11 @@ hada_status hada_metric_depth_confidence(const hada_image *map, const hada_image
                                          const double *distances_mm, int count, const unsigned char *mask,
                                          hada_confidence_score *out, hada_error *err)
 {
-    HADA_NEED(map && truth && confidence && (distances_mm || !count), err);
+    HADA_NEED(distances_mm || !count, err);
+    HADA_NEED_IMAGE(map, NULL, err);
+    HADA_NEED_IMAGE(truth, NULL, err);
+    HADA_NEED_IMAGE(confidence, NULL, err);
+    HADA_TRY(hada_distances_check(distances_mm, count, err));
     claim *claims = NULL;
     size_t known = 0;
     double sum = 0.0, half = 0.0, area = 0.0;
@@ -210,7 +221,11 @@ done:
 hada_status hada_metric_depth_nearer(hada_image *truth, const hada_image *second, const hada_image *map,
                                      const double *distances_mm, int count, hada_error *err)
 {
-    HADA_NEED(truth && second && map && (distances_mm || !count), err);
+    HADA_NEED(distances_mm || !count, err);
+    HADA_NEED_IMAGE(truth, NULL, err);
+    HADA_NEED_IMAGE(second, NULL, err);
+    HADA_NEED_IMAGE(map, NULL, err);
+    HADA_TRY(hada_distances_check(distances_mm, count, err));
     if (truth->channels != 1 || truth->rows != second->rows || truth->cols != second->cols || second->channels != 1 ||
         map->channels != 1 || truth->rows != map->rows || truth->cols != map->cols)
         return hada_fail(err, HADA_ERROR_SIZE, "two true maps and a result must be of one size, and of one channel");

@@ -379,9 +379,9 @@ done:
 
 static hada_status check(const hada_image *a, const hada_image *b, double peak, hada_error *err)
 {
-    if (!a || !b || !a->data || !b->data)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "LPIPS compares two images; one is missing");
-    if (!(peak > 0.0))
+    HADA_TRY(hada_image_check(a, NULL, "LPIPS", "one of two images", err));
+    HADA_TRY(hada_image_check(b, NULL, "LPIPS", "one of two images", err));
+    if (!(peak > 0.0 && isfinite(peak)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0", peak);
     if (a->channels != b->channels || a->rows != b->rows || a->cols != b->cols ||
         (a->channels != 1 && a->channels != 3))
@@ -467,7 +467,6 @@ static double distance_at(const hada_lpips *lpips, int row, int col)
 hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak,
                            const unsigned char *mask, double *out, hada_error *err)
 {
-    HADA_NEED(a && b, err);
     HADA_NEED(lpips && out, err);
     HADA_TRY(compare(lpips, a, b, peak, err));
     double all = 0.0;
@@ -497,7 +496,6 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
 hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_image *map,
                            hada_error *err)
 {
-    HADA_NEED(a && b, err);
     HADA_NEED(lpips && map, err);
     HADA_TRY(compare(lpips, a, b, peak, err));
     HADA_TRY(hada_image_ensure(map, 1, a->rows, a->cols, err));

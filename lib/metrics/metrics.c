@@ -5,6 +5,7 @@
 #include <hadalens/metrics.h>
 
 #include "core/base.h"
+#include "image/pixels.h"
 
 enum { RADIUS = 5, TAPS = 2 * RADIUS + 1 };
 #define DEVIATION 1.5
@@ -20,8 +21,8 @@ enum { LANES = 4 };
 /* That two images can be compared: of one shape, and finite. */
 static hada_status images_check_pair(const hada_image *a, const hada_image *b, hada_error *err)
 {
-    if (!a->data || !b->data)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "an image to compare is empty");
+    HADA_TRY(hada_image_check(a, NULL, "a comparison", "one of its images", err));
+    HADA_TRY(hada_image_check(b, NULL, "a comparison", "one of its images", err));
     if (a->channels != b->channels || a->rows != b->rows || a->cols != b->cols)
         return hada_fail(
             err, HADA_ERROR_SIZE,
@@ -101,8 +102,8 @@ hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_sim
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(images_check_pair(a, b, err));
     for (int n = 0; n < count; n++) {
-        if (!(list[n].peak > 0.0))
-            return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0",
+        if (!(list[n].peak > 0.0 && isfinite(list[n].peak)))
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0, and finite",
                              list[n].peak);
         list[n].mean = 0.0;
         list[n].pixels = 0;
@@ -157,8 +158,9 @@ static hada_status mean_difference(const hada_image *a, const hada_image *b, con
 static hada_status psnr_of(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
                            double *out, hada_error *err)
 {
-    if (!(peak > 0.0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0", peak);
+    if (!(peak > 0.0 && isfinite(peak)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0, and finite",
+                         peak);
     double mse = 0.0;
     HADA_TRY(mean_difference(a, b, mask, 2, &mse, err));
     *out = mse > 0.0 ? 10.0 * log10(peak * peak / mse) : INFINITY;

@@ -1,6 +1,7 @@
 /* Models: making, checking, giving a net, freeing. */
 #include "model/model.h"
 
+#include <float.h>
 #include <hadalens/response.h>
 
 #include "core/callers.h"
@@ -125,12 +126,13 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
                          info->depths, info->channels, MOST_DEPTHS, MOST_CHANNELS);
     if (!*hada_form_name(info->form) || !*hada_boundary_name(info->boundary))
         return hada_fail(err, HADA_ERROR_MODEL, "the model's form or boundary is unknown");
-    if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
+    if (!hada_model_weight_is_known(info->alpha) || !hada_model_weight_is_known(info->lambda) ||
+        !not_negative(info->noise) ||
         !(info->refine_rho >= (info->refine_steps > 0 ? LEAST_RHO : 0.0) && info->refine_rho <= MOST_RHO) ||
         !(not_negative(info->refine_tv) || info->refine_tv == HADA_AUTO) || !(fabs(info->dark) <= MOST_DARK) ||
-        info->refine_steps < 0 || !not_negative(info->refine_ridge) || !not_negative(info->refine_noise) ||
-        !not_negative(info->refine_noise_largest) || (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) ||
-        !isfinite(info->refine_colour))
+        info->refine_steps < 0 || info->refine_steps > HADA_MODEL_MOST_STEPS || !not_negative(info->refine_ridge) ||
+        !not_negative(info->refine_noise) || !not_negative(info->refine_noise_largest) ||
+        (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) || !isfinite(info->refine_colour))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");
     if (!(info->refine_share >= 0.0 && info->refine_share <= 1.0)) /* 0: not set, 1 */
@@ -175,9 +177,12 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
                          HADA_MOST_COMPONENTS, info->components, info->positions);
     if (info->distances_mm)
         for (int z = 0; z < info->depths; z++)
-            if (!isfinite(info->distances_mm[z]) || (z && info->distances_mm[z] <= info->distances_mm[z - 1]))
+            if (!(info->distances_mm[z] > (z                  ? info->distances_mm[z - 1]
+                                           : info->depths > 1 ? 0.0
+                                                              : -DBL_MIN)) ||
+                !isfinite(info->distances_mm[z]))
                 return hada_fail(err, HADA_ERROR_MODEL,
-                                 "the model's distances must ascend, near to far; number %d is %g mm", z,
+                                 "the model's distances must ascend, near to far, from above 0; number %d is %g mm", z,
                                  info->distances_mm[z]);
     return hada_geometry_of(info, &geometry, err);
 }
@@ -301,10 +306,17 @@ done:
     return status;
 }
 
+hada_model *hada_model_hold(const hada_model *model)
+{
+    hada_model *own = (hada_model *)model;
+    atomic_fetch_add(&own->holders, 1);
+    return own;
+}
+
 void hada_model_destroy(hada_model **pointer)
 {
     hada_model *model = hada_taken(pointer);
-    if (!model)
+    if (!model || atomic_fetch_sub(&model->holders, 1) > 0)
         return;
     if (model->file) {
         hada_tensors *tensors = model->file;
@@ -574,8 +586,9 @@ hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada
     *out = NULL;
     if (form != HADA_FORM_MATCHED && form != HADA_FORM_WIENER)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "only the forms matched and wiener can be made from a model");
-    if (form == HADA_FORM_WIENER && !(isfinite(lambda) && lambda > 0.0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "the lambda of a Wiener filter must be greater than zero");
+    if (form == HADA_FORM_WIENER && !(lambda > 0.0 && hada_model_weight_is_known(lambda)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the lambda of a Wiener filter is %g; it is above 0 and at most %g",
+                         lambda, HADA_MODEL_MOST_WEIGHT);
     if (!model->otf)
         return hada_fail(
             err, HADA_ERROR_MODEL,

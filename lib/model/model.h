@@ -3,6 +3,7 @@
 #define HADA_MODEL_MODEL_H
 
 #include <hadalens/model.h>
+#include <stdatomic.h>
 
 #include "image/colour_matrix.h"
 #include "image/statistics.h"
@@ -10,6 +11,9 @@
 
 /* Of point spread functions that vary over the field. */
 enum { HADA_MOST_COMPONENTS = 16, HADA_MOST_POSITIONS = 1024 };
+/* Of refinement, and of alpha and lambda: more is a damaged number, or leaves nothing of the filters. */
+enum { HADA_MODEL_MOST_STEPS = 100000 };
+#define HADA_MODEL_MOST_WEIGHT 1e9
 
 /* Filters and transfer functions are kept on the host as row-major half spectra: complex numbers
  * [depth][channel][grid_rows][grid_cols / 2 + 1], re and im interleaved. One of `filter` and `filter_half` is NULL. */
@@ -31,6 +35,7 @@ struct hada_model {
     double *singular_values;
     hada_image flat, dark_frame; /* of info; empty: none */
     hada_net *enhance;           /* may be NULL */
+    atomic_int holders;          /* besides its maker: hada_model_hold() */
     void *file; /* non-NULL: the large arrays are in this opened file (hada_tensors), not freed one by one */
 };
 
@@ -84,6 +89,10 @@ hada_status hada_model_create(hada_model **out, const hada_model_info *info, int
 hada_status hada_model_create_like(hada_model **out, const hada_model *model, const hada_model_info *info,
                                    hada_error *err);
 
+/* The model, for who uses it after its maker may have destroyed it; hada_model_destroy() ends this. From then on nobody
+ * changes it. */
+hada_model *hada_model_hold(const hada_model *model);
+
 /* As hada_model_create, without the arrays that a file may supply (filter, filter_half, otf, scene_power). */
 hada_status hada_model_create_head(hada_model **out, const hada_model_info *info, hada_error *err);
 
@@ -108,6 +117,17 @@ hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, i
 /* Converts the values of a filter to half precision. HADA_ERROR_NUMERIC where one is too large for half, or where so
  * many are below its normal numbers that the filter changes by more than half's 2^-11 (relative L2). */
 hada_status hada_filter_to_half(const float *filter, size_t values, uint16_t *half, hada_error *err);
+
+/* Whether it can be an alpha or a lambda; the same of options, where HADA_AUTO has it chosen, and no other number. */
+static inline int hada_model_weight_is_known(double value)
+{
+    return value >= 0.0 && value <= HADA_MODEL_MOST_WEIGHT;
+}
+
+static inline int hada_model_weight_is_given(double value)
+{
+    return value == HADA_AUTO || hada_model_weight_is_known(value);
+}
 
 /* Whether an info makes sense: counts, sizes, numbers, distances in order. Messages begin with "the model". */
 hada_status hada_model_info_check(const hada_model_info *info, hada_error *err);

@@ -141,7 +141,6 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
 #define MOSAIC          "mosaic"         /* models of frames in full colour lack it */
 #define SENSOR_MOSAIC   "sensor_mosaic"
 #define DOWNSAMPLE      "downsample" /* models of frames that are not binned lack these */
-#define MOST_STEPS      100000       /* of refinement: more is a damaged number */
 
 /* What a reader must know and the numbers cannot say; the same in every file. */
 static const char *const conventions[][2] = {
@@ -421,6 +420,7 @@ hada_status hada_model_save(const hada_model *model, const char *path, hada_erro
     hada_status status = HADA_OK;
     hada_tensors_writer *writer = NULL;
     HADA_NEED(model && path, err);
+    HADA_TRY(hada_model_check_numbers(model, err));
     HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
     HADA_TRY_OR_DONE(write_model(model, writer, err));
     HADA_TRY_OR_DONE(hada_tensors_finish(&writer, err));
@@ -508,7 +508,7 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     const char *wrong = hada_model_get_frames(file, info);
     if (wrong)
         HADA_TRY(missing(path, wrong, err));
-    if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
+    if (steps < 0 || steps > HADA_MODEL_MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;
     return version == VARYING_VERSION ? get_components(file, path, info, err) : HADA_OK;

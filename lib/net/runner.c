@@ -90,13 +90,14 @@ hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows,
 
 hada_status hada_net_run(hada_net_runner *runner, const hada_image *in, hada_image *out, hada_error *err)
 {
-    HADA_NEED(runner && in && out, err);
+    HADA_NEED(runner && out, err);
+    HADA_NEED_IMAGE(in, NULL, err);
     if (in->channels != runner->channels || in->rows != runner->rows || in->cols != runner->cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the image has %d channel(s) of %d x %d pixels; the net was made ready for %d of %d x %d",
                          in->channels, in->rows, in->cols, runner->channels, runner->rows, runner->cols);
-    HADA_TRY(hada_image_ensure(out, runner->out_channels, runner->out_rows, runner->out_cols, err));
     HADA_TRY(hada_buffer_write(&runner->in, runner->slot, 0, in->data, runner->in.bytes, err));
+    HADA_TRY(hada_image_ensure(out, runner->out_channels, runner->out_rows, runner->out_cols, err));
     HADA_TRY(hada_graph_load(runner->graph, &runner->from, err));
     HADA_TRY(hada_graph_forward(runner->graph, err));
     HADA_TRY(hada_graph_store(runner->graph, &runner->to, err));

@@ -2,6 +2,7 @@
 #include <hadalens/optics.h>
 
 #include "fft/fft.h"
+#include "image/pixels.h"
 #include "optics/mask.h"
 
 /* Modulation transfer and self-correlation of PSFs, on the device. */
@@ -290,7 +291,8 @@ static double axial(const hada_optics_report *report, int z, int side)
 
 hada_status hada_optics_report_add(hada_optics_report *report, const hada_image *psf, hada_error *err)
 {
-    HADA_NEED(report && psf, err);
+    HADA_NEED(report, err);
+    HADA_NEED_IMAGE(psf, NULL, err);
     const hada_camera *c = &report->camera;
     const int z = report->done;
     double support = 0.0;

@@ -4,6 +4,7 @@
 
 #include "core/base.h"
 #include "core/random.h"
+#include "image/pixels.h"
 
 /* Surfaces that scenes lie on: depth as a share of the camera's range. */
 
@@ -317,7 +318,8 @@ done:
 
 hada_status hada_scene_part(hada_image *out, const hada_image *image, const int *labels, int label, hada_error *err)
 {
-    HADA_NEED(out && image && labels, err);
+    HADA_NEED(out && labels, err);
+    HADA_NEED_IMAGE(image, out, err);
     HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
     const size_t pixels = (size_t)image->rows * (size_t)image->cols, count = hada_image_count(image);
     for (size_t i = 0; i < count; i++)
@@ -328,7 +330,7 @@ hada_status hada_scene_part(hada_image *out, const hada_image *image, const int 
 
 void hada_image_add_noise(hada_image *image, double sigma, uint64_t seed)
 {
-    if (!image || !image->data)
+    if (!image || !image->data || !isfinite(sigma))
         return;
     hada_random random;
     hada_random_seed(&random, seed, SEQUENCE_NOISE);

@@ -1,5 +1,6 @@
 /* Scenes with opaque planes, lens by lens, or patch by patch of a mask without lenses: each sees a plane through what
  * the nearer ones leave open for it. And scenes on surfaces. */
+#include "image/pixels.h"
 #include "optics/mask.h"
 #include "optics/occlusion.h"
 #include "optics/simulator.h"
@@ -99,6 +100,7 @@ typedef struct occluded {
 
 static hada_status check_opacity(const hada_image *opacity, const hada_image *image, hada_error *err)
 {
+    HADA_TRY(hada_image_check(opacity, NULL, "a scene", "an opacity", err));
     if (opacity->channels != 1 || opacity->rows != image->rows || opacity->cols != image->cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "an opacity of %d channels, %d x %d does not fit its plane; it must have 1 channel, %d x %d",
@@ -283,7 +285,7 @@ hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *
     HADA_NEED(s && planes && raw, err);
     *raw = (hada_image){0};
     HADA_TRY(hada_varying_none(s, err));
-    if (count < 1 || !(noise >= 0.0))
+    if (count < 1 || !(noise >= 0.0 && isfinite(noise)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     hada_layer *layers = NULL;
     hada_status status = HADA_OK;

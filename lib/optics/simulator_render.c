@@ -77,6 +77,7 @@ static double cos4(const hada_simulator *s, int row, int col)
 
 static hada_status check_gain(const hada_camera *camera, const hada_image *gain, hada_error *err)
 {
+    HADA_TRY(hada_image_check(gain, NULL, "a sensor", "gain", err));
     if (gain->channels != 1 || gain->rows != camera->rows || gain->cols != camera->cols)
         return hada_fail(
             err, HADA_ERROR_SIZE,
@@ -167,8 +168,9 @@ hada_status hada_simulator_check_image(const hada_simulator *s, const hada_image
 
 hada_status hada_simulator_check_plane(const hada_simulator *s, const hada_plane *plane, hada_error *err)
 {
-    const hada_status status = hada_simulator_check_depth(s, plane->depth, err);
-    return status ? status : hada_simulator_check_image(s, plane->image, err);
+    HADA_TRY(hada_image_check(plane->image, NULL, "a scene", "the image of a plane", err));
+    HADA_TRY(hada_simulator_check_depth(s, plane->depth, err));
+    return hada_simulator_check_image(s, plane->image, err);
 }
 
 hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, int channels, hada_buffer *to,
@@ -236,7 +238,7 @@ hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, i
 {
     HADA_NEED(s && planes && raw, err);
     *raw = (hada_image){0};
-    if (count < 1 || !(noise >= 0.0))
+    if (count < 1 || !(noise >= 0.0 && isfinite(noise)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));

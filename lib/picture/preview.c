@@ -3,6 +3,7 @@
 #include <hadalens/response.h>
 
 #include "core/callers.h"
+#include "image/pixels.h"
 #include "io/text.h"
 #include "picture/drawing.h"
 #include "picture/tone.h"
@@ -386,12 +387,15 @@ done:
 
 hada_status hada_png_save(const char *path, const hada_image *image, double white, double gamma, hada_error *err)
 {
-    HADA_NEED(path && image, err);
+    HADA_NEED(path, err);
+    HADA_NEED_IMAGE(image, NULL, err);
     hada_status status = HADA_OK;
     hada_drawing *drawing = NULL;
     uint32_t *pixels = NULL;
-    if (is_empty(image))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
+    if ((image->channels != 1 && image->channels != 3) || (white != HADA_AUTO && !(white > 0.0 && isfinite(white))))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s: a picture has 1 or 3 channels, and white is above 0 or HADA_AUTO; here are %d, and %g",
+                         path, image->channels, white);
     HADA_TRY_OR_DONE(hada_drawing_create(&drawing, image->cols, image->rows, paper, err));
     HADA_TRY_OR_DONE(hada_tone_pixels(&pixels, image->cols, image->rows, image,
                                       white == HADA_AUTO ? hada_tone_white(image, 1) : white, gamma, err));

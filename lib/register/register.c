@@ -1,5 +1,6 @@
 /* Registration of the pairs of one depth; registered scenes. */
 #include "core/callers.h"
+#include "image/pixels.h"
 #include "register/register_inside.h"
 
 /* Shifts between depths, from their PSFs. */
@@ -454,8 +455,11 @@ hada_status hada_register_apply(hada_image *out, const hada_image *scene, const 
     hada_status status = HADA_OK;
     hada_registration_init(registration);
     HADA_TRY(HADA_OPTIONS_TAKE(registration, callers, hada_registration, err));
-    if (!out || !scene || !scene->data || !callers || !(registration->magnification > 0.0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_apply: an argument is missing or not possible");
+    HADA_NEED(out && callers, err);
+    HADA_NEED_IMAGE(scene, out, err);
+    if (!(registration->magnification > 0.0 && isfinite(registration->magnification)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "registration.magnification is %g; it is above 0",
+                         registration->magnification);
     if (!rows && !cols)
         hada_register_size(registration, scene->rows, scene->cols, &rows, &cols);
     HADA_TRY_OR_DONE(hada_image_create(out, scene->channels, rows, cols, err));

@@ -767,7 +767,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
         tell_components(&of, *out);
     HADA_TRY_OR_DONE(hada_model_set_flat(*out, of.flat.data ? &of.flat : NULL, err));
     if (task->dark_frame) {
-        HADA_TRY_OR_DONE(hada_dark_of_sensor(&dark, task->dark_frame, of.options.mosaic, err));
+        HADA_TRY_OR_DONE(hada_dark_of_sensor(&dark, task->dark_frame, 0, of.options.mosaic, err));
         HADA_TRY_OR_DONE(hada_model_set_dark(*out, &dark, err));
     }
     if (!of.positions)

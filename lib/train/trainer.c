@@ -315,7 +315,7 @@ hada_status hada_trainer_create(hada_trainer **out, hada_context *const *context
                 return hada_fail(err, HADA_ERROR_ARGUMENT, "a trainer's contexts are different ones");
     HADA_TRY_OR_DONE(HADA_NEW(trainer, 1, "a trainer", err));
     trainer->held_out.reading = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
-    trainer->model = model;
+    trainer->model = hada_model_hold(model);
     trainer->info = *hada_model_get_info(model);
     hada_communicator_init(&trainer->ranks);
     trainer->pairs = pairs;
@@ -339,6 +339,7 @@ void hada_trainer_destroy(hada_trainer **pointer)
     hada_examples_free(&trainer->known);
     hada_examples_free(&trainer->held_out.examples);
     train_nets_free(&trainer->nets);
+    hada_model_destroy(&trainer->model);
     pthread_mutex_destroy(&trainer->held_out.reading);
     HADA_FREE(trainer->progress.group_steps, trainer->fed, trainer);
 }

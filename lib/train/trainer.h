@@ -56,7 +56,7 @@ struct hada_trainer {
     hada_train_options options; /* its augment and communicator are the next members */
     hada_augment augment;
     hada_communicator ranks;
-    const hada_model *model;
+    hada_model *model; /* held, not changed */
     hada_model_info info;
     hada_train_nets nets; /* net and discriminator: first values */
     const hada_dataset *pairs;

@@ -2,7 +2,8 @@
 """Writes a C program that calls every public function with NULL: null_arguments.py HEADERS OUTPUT.c
 
 Each pointer of each function is NULL in turn, while the others point to zeroed memory, in a process of its own. No call
-may crash, and a hada_status must be HADA_ERROR_ARGUMENT, except for the arguments that may be NULL.
+may crash, and a hada_status must be HADA_ERROR_ARGUMENT, except for the arguments that may be NULL. So it is where each
+image that is read has sizes but no pixels, in functions that need no object but a context.
 """
 
 import re
@@ -44,6 +45,9 @@ MAY_BE_NULL = {
     "hada_trainer_show": {"raw", "before", "after", "truth"},
 }
 
+# No pixels are read: a data set of no pairs.
+READS_NONE = {"hada_dataset_from_images"}
+
 HEAD = r"""#include <hadalens/hadalens.h>
 #include <hadalens/opencl.h>
 #include <stdio.h>
@@ -53,6 +57,7 @@ HEAD = r"""#include <hadalens/hadalens.h>
 #include <unistd.h>
 
 static void *zeroes; /* what the arguments that are not NULL point to */
+static hada_image whole = {1, 20, 20, NULL}, hollow = {1, 20, 20, NULL};
 static int failures;
 
 /* In a process of its own: 0 right, 1 another status, else a crash. */
@@ -85,6 +90,7 @@ static int begins(void)
 int main(void)
 {
     zeroes = calloc(1, 1 << 20);
+    whole.data = (float *)zeroes + 4096;
     alarm(600);
 """
 
@@ -110,6 +116,7 @@ def main(folder: str, output: str) -> None:
     }
     callbacks = set(re.findall(r"typedef [\w ]+?\(\*(\w+)\)\(", " ".join(texts.values())))
     structs = {"hada_plot_axis"} | callbacks
+    objects = set(re.findall(r"typedef struct (hada_\w+) \1;", " ".join(texts.values()))) - {"hada_context"}
     calls = []
     for text in texts.values():
         for declaration in re.findall(r"^HADA_API\s+([^;]*?);", text, re.M | re.S):
@@ -121,24 +128,28 @@ def main(folder: str, output: str) -> None:
                 kind = parameter[: parameter.rindex(names[-1])].strip()
                 pointer = "*" in parameter or "[" in parameter or kind in callbacks
                 kinds.append((pointer, kind))
-            for missing, (pointer, _) in zip(names, kinds, strict=True):
+            closed = name in READS_NONE or objects & set(re.findall(r"\w+", " ".join(kind for _, kind in kinds)))
+            for missing, (pointer, own) in zip(names, kinds, strict=True):
                 if not pointer or missing == "err":
                     continue
-                values = []
-                for other, (is_pointer, kind) in zip(names, kinds, strict=True):
-                    if not is_pointer:
-                        values.append("1")
-                    elif other in (missing, "err") or kind in structs or other in ANYWHERE:
-                        values.append("NULL")
-                    else:
-                        values.append("zeroes")
-                call = f"{name}({', '.join(values)})"
-                open_ = missing in ANYWHERE or missing in MAY_BE_NULL.get(name, set())
-                if open_:
-                    continue  # what it does without that argument is tested where it is used
-                fails = "hada_status" in result.split()
-                right = f"{call} == HADA_ERROR_ARGUMENT" if fails else f"((void){call}, 1)"
-                calls.append(f'    CALL("{name}({missing})", {right})')
+                for hollow in (False, True) if own == "const hada_image *" and not closed else (False,):
+                    values = []
+                    for other, (is_pointer, kind) in zip(names, kinds, strict=True):
+                        if not is_pointer:
+                            values.append("1")
+                        elif hollow and kind == own:
+                            values.append("&hollow" if other == missing else "&whole")
+                        elif other in (missing, "err") or kind in structs or other in ANYWHERE:
+                            values.append("NULL")
+                        else:
+                            values.append("zeroes")
+                    call = f"{name}({', '.join(values)})"
+                    open_ = missing in ANYWHERE or missing in MAY_BE_NULL.get(name, set())
+                    if open_ and not hollow:
+                        continue  # what it does without that argument is tested where it is used
+                    fails = "hada_status" in result.split()
+                    right = f"{call} == HADA_ERROR_ARGUMENT" if fails else f"((void){call}, 1)"
+                    calls.append(f'    CALL("{name}({missing}{" hollow" if hollow else ""})", {right})')
     body = "\n".join(calls)
     tail = '\n    printf("%d calls, %d failures\\n", ' + str(len(calls)) + ", failures);\n"
     tail += "    free(zeroes);\n    return failures != 0;\n}\n"

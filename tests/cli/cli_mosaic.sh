@@ -72,7 +72,7 @@ same_results known/test01_stack.tif kept/test01_stack.tif || fail 'pairs that we
 expect 0 'not divided' fit --psf a/psf.tif --colour --distances 100 --window 24x24 --bayer gbrg --flat grey.tif -o x.model
 expect 0 '' fit --psf a/psf.tif --distances 100 --window 24x24 --bayer gbrg --flat grey.tif -o x.model
 expect 7 'no light' reconstruct $raw -m a.model -o x --flat dark.tif
-expect 4 'flat frame must have' reconstruct $raw -m a.model -o x --flat known/test01_aif.tif
+expect 4 'flat_frame must have' reconstruct $raw -m a.model -o x --flat known/test01_aif.tif
 expect 4 'flat frame 3 of 24 x 24' fit a --bayer gbrg --flat known/test01_aif.tif -o x.model
 expect 2 'belong to pairs' fit --merge a.sums --flat grey.tif -o x.model
 

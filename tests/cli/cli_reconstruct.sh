@@ -116,7 +116,7 @@ expect 0 '"verdict": "belongs"' reconstruct "${one[@]}" -o match --no-preview --
 expect 0 '' reconstruct "${one[@]}" -o weighed --occupied 100mm --weights even.tif --no-preview
 expect 0 '' reconstruct "${one[@]}" -o unweighed --occupied 100mm --no-preview
 same_results weighed/test01_stack.tif unweighed/test01_stack.tif || fail '--weights EVEN'
-expect 4 'weights of pixels must have' reconstruct "${one[@]}" -o weighed --weights small.tif
+expect 4 'pixel_weights must have' reconstruct "${one[@]}" -o weighed --weights small.tif
 expect 2 'all weights of pixels are 0' reconstruct "${one[@]}" -o weighed --weights black.tif
 expect 2 'linear filters take no weights' reconstruct "${one[@]}" -o weighed --weights even.tif --refine 0
 expect 3 'nosuch.tif' reconstruct "${one[@]}" -o weighed --weights nosuch.tif

@@ -113,8 +113,8 @@ static inline int job_setup(void **state)
         f.options[kind].occupied = kind == JOB_PURSUED  ? HADA_OCCUPIED_AUTO
                                    : kind == JOB_LINEAR ? HADA_OCCUPIED_ALL
                                                         : HADA_OCCUPIED_LIST;
-        f.options[kind].occupied_list = listed;
-        f.options[kind].occupied_count = 6;
+        f.options[kind].occupied_list = f.options[kind].occupied == HADA_OCCUPIED_LIST ? listed : NULL;
+        f.options[kind].occupied_count = f.options[kind].occupied_list ? 6 : 0;
         ASSERT_OK(hada_plan_create(&plan, f.whole, f.model, &f.options[kind], err));
         for (int i = 0; i < JOB_FRAMES; i++)
             ASSERT_OK(hada_plan_run(plan, &f.frames[i], &f.expected[kind][i], err));

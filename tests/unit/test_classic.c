@@ -167,6 +167,8 @@ TEST(wiener_of_one_depth_is_the_models)
         options.depths = &one;
         options.depth_count = 1;
         options.occupied = HADA_OCCUPIED_ALL;
+        options.occupied_list = NULL;
+        options.occupied_count = 0;
         classic.lambda = 0.05;
         run(f, padded, &options, &joint);
         ASSERT_OK(hada_model_with_form(&wiener, f->model[padded], HADA_FORM_WIENER, 0.05, err));
@@ -260,7 +262,7 @@ TEST(refuses_what_makes_no_sense)
     classic.prior = HADA_PRIOR_WAVELET;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "no such prior");
     options = options_of(HADA_METHOD_FISTA, 0);
-    refuse(f, &options, HADA_ERROR_ARGUMENT, "stopping rules");
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "iterations is 0");
     options = options_of(HADA_METHOD_FISTA, 10);
     classic.step = 2;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "step");

@@ -290,6 +290,13 @@ static hada_status read_callers(void *user, int depth, int pair, hada_image *raw
     return HADA_OK;
 }
 
+/* A failure without a message. */
+static hada_status read_nothing(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
+{
+    (void)user, (void)depth, (void)pair, (void)raw, (void)scene, (void)err;
+    return HADA_ERROR_FILE_OPEN;
+}
+
 TEST(callers_give_pairs)
 {
     const double distances[] = {100.0, 250.5}, wrong[] = {250.5, 100.0};
@@ -313,6 +320,9 @@ TEST(callers_give_pairs)
     assert_null(raw.data);
     hada_dataset_destroy(&learn);
     hada_dataset_destroy(&held);
+    hada_dataset_destroy(&data);
+    ASSERT_OK(hada_dataset_create(&data, 2, distances, counts, read_nothing, NULL, NULL, err));
+    ASSERT_FAILS(hada_dataset_read(data, 1, 2, &raw, &scene, err), HADA_ERROR_FILE_OPEN, "z250.5mm/raw/2");
     hada_dataset_destroy(&data);
 
     ASSERT_FAILS(hada_dataset_create(&data, 2, wrong, counts, read_callers, NULL, NULL, err), HADA_ERROR_ARGUMENT, "");
@@ -401,6 +411,8 @@ TEST(images_are_not_copied)
     ASSERT_OK(hada_pair_take(&pair, data, 1, 1, err));
     assert_true(pair.raw == &raws[2] && pair.scene == &scenes[2]);
     hada_pair_return(&pair);
+    hada_image_destroy(&scenes[1]);
+    ASSERT_FAILS(hada_pair_take(&pair, data, 1, 0, err), HADA_ERROR_ARGUMENT, "a scene is an empty image");
     hada_dataset_destroy(&data);
     for (int i = 0; i < 3; i++) {
         hada_image_destroy(&raws[i]);

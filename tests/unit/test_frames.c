@@ -75,7 +75,7 @@ TEST(what_cannot_be_pixels_is_refused)
 {
     float values[4] = {0};
     hada_image image;
-    for (int kind = 0; kind < 7; kind++) {
+    for (int kind = 0; kind < 11; kind++) {
         DEFAULTS(hada_pixels, pixels);
         hada_pixels_planar(&pixels, values, HADA_PIXEL_F32, 1, 2, 2);
         switch (kind) {
@@ -86,6 +86,10 @@ TEST(what_cannot_be_pixels_is_refused)
         case 4: pixels.col_stride = 3; break;
         case 5: pixels.data = (const char *)values + 1; break;
         case 6: pixels.size = 0; break;
+        case 7: pixels.row_stride = 0; break;
+        case 8: pixels.row_stride = -4; break;
+        case 9: pixels.row_stride = PTRDIFF_MAX - 3; break;
+        case 10: pixels.row_stride = PTRDIFF_MIN; break;
         }
         ASSERT_FAILS(hada_pixels_to_image(&pixels, &image, err), HADA_ERROR_ARGUMENT, "");
         assert_null(image.data);
@@ -156,7 +160,13 @@ TEST(results_go_into_the_callers_arrays)
     ASSERT_OK(hada_result_use(&into, &arrays, err));
     ASSERT_FAILS(hada_plan_run(plan, &raw, &into, err), HADA_ERROR_SIZE, "distance map");
     arrays.distance_map_count = map;
+    arrays.all_in_focus = values + stack - 1;
+    arrays.all_in_focus_count = plane;
+    ASSERT_FAILS(hada_result_use(&into, &arrays, err), HADA_ERROR_ARGUMENT, "share memory");
+    arrays.all_in_focus = NULL;
     ASSERT_OK(hada_result_use(&into, &arrays, err));
+    const hada_image inside = {raw.channels, raw.rows, raw.cols, values + stack};
+    ASSERT_FAILS(hada_plan_run(plan, &inside, &into, err), HADA_ERROR_ARGUMENT, "share memory");
     for (int again = 0; again < 2; again++) {
         for (size_t i = 0; i < stack + map; i++)
             values[i] = -1.0f;

@@ -118,6 +118,8 @@ TEST(refusals)
     c.data[7] = NAN;
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_PSNR, &a, &c, 1.0, NULL, &value, err), HADA_ERROR_NOT_FINITE, "");
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_PSNR, &a, &a, 0.0, NULL, &value, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_metric_compare(HADA_METRIC_SSIM, &a, &a, INFINITY, NULL, &value, err), HADA_ERROR_ARGUMENT,
+                 "inf");
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_SSIM, &small, &small, 1.0, NULL, &value, err), HADA_ERROR_SIZE, "");
 }
 

@@ -37,6 +37,8 @@ TEST(parts_of_a_map)
     for (int i = 0; i < 24; i++)
         assert_int_equal(parts[i], around[i]);
     ASSERT_FAILS(hada_metric_depth_parts(&map, list, 1, HADA_AUTO, HADA_AUTO, parts, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_metric_depth_parts(&map, (const double[]){200.0, 100.0}, 2, HADA_AUTO, HADA_AUTO, parts, err),
+                 HADA_ERROR_ARGUMENT, "distance 1 is 100 mm");
     ASSERT_FAILS(hada_metric_depth_parts(&map, list, 3, 0.0, HADA_AUTO, parts, err), HADA_ERROR_ARGUMENT, "");
 }
 

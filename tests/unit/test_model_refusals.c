@@ -1,5 +1,7 @@
 /* Models that make no sense, whether made or read: each is refused in words that say what is wrong, and leaves nothing.
  */
+#include <limits.h>
+
 #include "io_testing.h"
 #include "model/model.h"
 
@@ -33,7 +35,7 @@ static void assert_refused(const hada_model_info *info, const char *word)
 
 TEST(numbers_that_no_camera_has)
 {
-    static const double falling[] = {200.0, 100.0}, endless[] = {100.0, INFINITY};
+    static const double falling[] = {200.0, 100.0}, endless[] = {100.0, INFINITY}, behind[] = {-100.0, 100.0};
     REFUSED(depths, 0, "0 depths");
     REFUSED(depths, 4097, "4097 depths");
     REFUSED(channels, 0, "0 channels");
@@ -58,10 +60,13 @@ TEST(numbers_that_no_camera_has)
         REFUSED(dark, wild[i], "not usable numbers");
     REFUSED(refine_rho, 1e6, "not usable numbers");
     REFUSED(refine_steps, -1, "not usable numbers");
+    REFUSED(refine_steps, INT_MAX, "not usable numbers");
+    REFUSED(lambda, 1e300, "not usable numbers");
     REFUSED(refine_colour, 0.5, "not usable numbers");
     REFUSED(refine_share, 1.5, "share of refined planes");
     REFUSED(distances_mm, falling, "must ascend");
     REFUSED(distances_mm, endless, "must ascend");
+    REFUSED(distances_mm, behind, "must ascend");
     REFUSED(window_rows, 0, "do not fit");
     REFUSED(window_cols, -3, "do not fit");
     REFUSED(window_rows, 7, "do not fit");
@@ -119,8 +124,8 @@ TEST(forms_that_cannot_be_made)
     hada_model *out = model;
     ASSERT_FAILS(hada_model_with_form(&out, model, HADA_FORM_SPLIT, 0.0, err), HADA_ERROR_ARGUMENT, "");
     assert_null(out);
-    const double wrong[] = {0.0, -1.0, NAN, INFINITY};
-    for (int i = 0; i < 4; i++)
+    const double wrong[] = {0.0, -1.0, NAN, INFINITY, 1e300};
+    for (int i = 0; i < 5; i++)
         ASSERT_FAILS(hada_model_with_form(&out, model, HADA_FORM_WIENER, wrong[i], err), HADA_ERROR_ARGUMENT, "");
     /* a frequency that the camera loses has no filter, and an even width a Nyquist column, which counts once */
     model->otf[0] = model->otf[1] = 0.0f;

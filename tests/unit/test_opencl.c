@@ -80,8 +80,8 @@ TEST(frames_and_results_stay_on_the_device)
         DEFAULTS(hada_plan_options, options);
         options.refine = kind == 1 || kind == 3 ? 3 : 0;
         options.occupied = kind == 2 ? HADA_OCCUPIED_LIST : HADA_OCCUPIED_AUTO;
-        options.occupied_list = list;
-        options.occupied_count = 1;
+        options.occupied_list = kind == 2 ? list : NULL;
+        options.occupied_count = kind == 2;
         if (kind == 3)
             memset(raw.data, 0, bytes); /* darkness */
         ASSERT_OK(hada_plan_create(&plan, o.adopted, learned->model, &options, err));

@@ -1,4 +1,6 @@
 /* Scenes: cutting and scaling by hand-made cases, procedural scenes by their statistics. */
+#include <limits.h>
+
 #include "testing.h"
 
 TEST(scaling)
@@ -38,6 +40,14 @@ TEST(cutting)
     const float part[] = {0, 0, 0, 3, 4, 0, 7, 8, 0};
     assert_memory_equal(out.data, part, sizeof part);
     hada_image_destroy(&out);
+    assert_int_equal(hada_image_crop(&out, &image, INT_MAX, INT_MIN, 3, 3, NULL), HADA_OK);
+    assert_true(out.data[0] == 0.0f && out.data[8] == 0.0f);
+    hada_image_destroy(&out);
+    out = image; /* nothing is made of itself */
+    ASSERT_FAILS(hada_image_crop(&out, &out, 0, 0, 2, 2, err), HADA_ERROR_ARGUMENT, "the same image");
+    ASSERT_FAILS(hada_image_resize(&out, &out, 2, 2, err), HADA_ERROR_ARGUMENT, "the same image");
+    ASSERT_FAILS(hada_image_downsample(&out, &out, 2, HADA_MOSAIC_NONE, 0, err), HADA_ERROR_ARGUMENT, "the same image");
+    assert_ptr_equal(out.data, in);
     /* 3 x 4 to a square: the middle 3 x 3 */
     assert_int_equal(hada_scene_fit(&out, &image, 3, 3, NULL), HADA_OK);
     assert_true(out.data[0] == 1.0f && out.data[2] == 3.0f && out.data[8] == 11.0f);
@@ -119,6 +129,7 @@ TEST(noise)
     SCOPED(hada_image) image;
     assert_int_equal(hada_image_create(&image, 1, 200, 200, NULL), HADA_OK);
     hada_image_add_noise(&image, 0.1, 9);
+    hada_image_add_noise(&image, NAN, 9);
     double sum = 0.0, square = 0.0;
     for (int i = 0; i < 40000; i++)
         sum += image.data[i], square += (double)image.data[i] * image.data[i];

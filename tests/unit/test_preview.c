@@ -46,6 +46,7 @@ TEST(test_one_image)
     image.data[8 + 1] = 1;  /* green of pixel 1 */
     image.data[16 + 2] = 5; /* blue of pixel 2: above white */
     image.data[3] = NAN;
+    assert_int_equal(hada_png_save(io_path("one.png"), &image, 0, 0.5, NULL), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_png_save(io_path("one.png"), &image, 1, 0.5, NULL), HADA_OK);
     picture p = load(io_path("one.png"));
     const unsigned char expected[24] = {128, 0, 0, 0, 255, 0, 0, 0, 255};

@@ -222,7 +222,10 @@ TEST(gives_the_same_bits_in_every_batch_and_run)
             DEFAULTS(hada_plan_options, options);
             options.refine = refine;
             options.batch = batch;
-            plan_of(learned, &options, &plan);
+            SCOPED(hada_model) * model; /* which the plan outlives */
+            ASSERT_OK(hada_model_with_enhance(&model, learned->model, NULL, 0, 0, err));
+            ASSERT_OK(hada_plan_create(&plan, learned->context, model, &options, err));
+            hada_model_destroy(&model);
             ASSERT_OK(hada_plan_run(plan, &raw, batch ? &other : &first, err));
             if (batch)
                 assert_true(same_result(&first, &other));

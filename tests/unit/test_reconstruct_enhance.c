@@ -66,8 +66,8 @@ static hada_plan_options options_of(int path)
     options.batch = 2;
     options.refine = path >= 2 ? 3 : 0;
     options.occupied = path == 0 ? HADA_OCCUPIED_ALL : path == 3 ? HADA_OCCUPIED_AUTO : HADA_OCCUPIED_LIST;
-    options.occupied_list = listed;
-    options.occupied_count = 3;
+    options.occupied_list = options.occupied == HADA_OCCUPIED_LIST ? listed : NULL;
+    options.occupied_count = options.occupied_list ? 3 : 0;
     return options;
 }
 

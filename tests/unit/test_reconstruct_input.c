@@ -1,4 +1,6 @@
 /* Frames and options that cannot work, broken pixels, dark levels. */
+#include <limits.h>
+
 #include "learned_camera.h"
 #include "netlist/net_list.h"
 #include "planes/maker.h"
@@ -95,18 +97,21 @@ TEST(takes_a_dark_level_off)
     ASSERT_OK(hada_image_create(&dark, 1, raw.rows, raw.cols, err));
     for (size_t i = 0; i < hada_image_count(&dark); i++)
         dark.data[i] = 0.25f;
-    static const hada_dark kinds[] = {HADA_DARK_LEVEL, HADA_DARK_FRAME, HADA_DARK_AUTO};
-    for (int k = 0; k < 3; k++) {
+    /* a level or a frame that is given is used, whether dark says so or has its default */
+    static const hada_dark kinds[] = {HADA_DARK_LEVEL, HADA_DARK_FRAME, HADA_DARK_AUTO,
+                                      HADA_DARK_MODEL, HADA_DARK_MODEL, HADA_DARK_LEVEL};
+    static const double levels[] = {0.25, 0.0, 0.0, 0.25, 0.0, HADA_AUTO};
+    for (int k = 0; k < 6; k++) {
         DEFAULTS(hada_plan_options, options);
         options.dark = kinds[k];
-        options.dark_level = 0.25;
-        options.dark_frame = &dark;
+        options.dark_level = levels[k];
+        options.dark_frame = k == 1 || k == 4 ? &dark : NULL;
         ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
         ASSERT_OK(hada_plan_run(plan, &raw, &offset, err));
         hada_plan_destroy(&plan);
         assert_int_equal(offset.report->occupied_count, 1);
         /* the exact level gives the same picture but for float rounding; the estimate is off by the noise */
-        assert_true(learned_psnr(&offset.planes[1], &plain.planes[1]) > (kinds[k] == HADA_DARK_AUTO ? 25 : 60));
+        assert_true(learned_psnr(&offset.planes[1], &plain.planes[1]) > (k == 2 || k == 5 ? 25 : 60));
     }
 }
 
@@ -148,8 +153,8 @@ TEST(black_results_of_frames_that_show_something_are_an_error)
         SCOPED(hada_plan) * plan;
         DEFAULTS(hada_plan_options, options);
         options.dark = k == 0 || k == 1 ? HADA_DARK_LEVEL : k < 4 ? HADA_DARK_FRAME : HADA_DARK_MODEL;
-        options.dark_level = 0.95;
-        options.dark_frame = &dark;
+        options.dark_level = k < 2 ? 0.95 : 0.0;
+        options.dark_frame = k == 2 || k == 3 ? &dark : NULL;
         options.refine = k % 2 ? 0 : HADA_AUTO;
         hada_classic_options_init(&classic);
         classic.method = k < 6 ? HADA_METHOD_WIENER : HADA_METHOD_ADMM;
@@ -200,9 +205,10 @@ TEST(refuses_options_that_cannot_work)
     hada_error error;
     SCOPED(hada_image) dark;
     ASSERT_OK(hada_image_create(&dark, 1, 10, 10, err));
-    for (int k = 0; k < 11; k++) {
+    for (int k = 0; k < 21; k++) {
         hada_plan_options_init(&options);
         hada_status expected = HADA_ERROR_ARGUMENT;
+        const char *member = "";
         switch (k) {
         case 0: options.size = 1; break;
         case 1:
@@ -215,6 +221,42 @@ TEST(refuses_options_that_cannot_work)
             break;
         case 3: options.occupied = HADA_OCCUPIED_LIST; break;
         case 4: options.gamma = 0; break;
+        case 11:
+            options.gamma = 1e300;
+            member = "options.gamma is 1e+300";
+            break;
+        case 12:
+            options.dark = (hada_dark)77;
+            member = "options.dark is 77";
+            break;
+        case 13: options.occupied = (hada_occupied)3; break;
+        case 14:
+            options.dark = HADA_DARK_NONE;
+            options.dark_frame = &dark;
+            member = "options.dark_frame is given";
+            break;
+        case 15: options.dark_level = -0.5; break;
+        case 16:
+            options.dark = HADA_DARK_FRAME;
+            member = "options.dark_frame is NULL";
+            break;
+        case 17:
+            options.depth_count = 2;
+            member = "options.depth_count is 2";
+            break;
+        case 18:
+            options.occupied = HADA_OCCUPIED_ALL;
+            options.occupied_list = occupied;
+            options.occupied_count = 1;
+            break;
+        case 19:
+            options.dark_level = 0.1;
+            options.dark_frame = &dark;
+            break;
+        case 20:
+            options.refine = INT_MAX;
+            member = "refine 2147483647";
+            break;
         case 5: options.batch = -2; break;
         case 8: /* no number but HADA_AUTO has something chosen */ options.refine_colour = -2; break;
         case 9: options.refine = -2; break;
@@ -235,7 +277,8 @@ TEST(refuses_options_that_cannot_work)
             options.occupied_count = 1;
             break;
         }
-        if (hada_plan_create(&plan, learned->context, learned->model, &options, &error) != expected)
+        if (hada_plan_create(&plan, learned->context, learned->model, &options, &error) != expected ||
+            !strstr(error.message, member))
             fail_msg("case %d was not refused as it should: %s", k, error.message);
         assert_null(plan);
     }

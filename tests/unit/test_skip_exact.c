@@ -73,7 +73,7 @@ TEST(black_is_counted_from_the_dark_level)
         SCOPED(hada_result) a = {0}, b = {0};
         dense.dark = options.dark = kind == 0 ? HADA_DARK_FRAME : kind == 1 ? HADA_DARK_LEVEL : HADA_DARK_AUTO;
         dense.dark_frame = options.dark_frame = kind == 0 ? &dark : NULL;
-        dense.dark_level = options.dark_level = 0.05;
+        dense.dark_level = options.dark_level = kind == 1 ? 0.05 : 0.0;
         run(f, SKIP_WIENER, &dense, kind ? &f->frame[SKIP_CONSTANT] : &frame, &a);
         run(f, SKIP_WIENER, &options, kind ? &f->frame[SKIP_CONSTANT] : &frame, &b);
         assert_true(same_result(&a, &b));

@@ -191,6 +191,10 @@ TEST(test_mistakes)
     assert_null(writer);
     ASSERT_OK(hada_tiff_create(&writer, io_path("bad.tif"), 1, 4, 4, &options, err));
     hada_tiff_abandon(&writer);
+    options.pixel_um = -1.0;
+    ASSERT_FAILS(hada_tiff_create(&writer, io_path("bad.tif"), 1, 4, 4, &options, err), HADA_ERROR_ARGUMENT,
+                 "pixel_um is -1");
+    options.pixel_um = 0.0;
     options.bits = 12;
     ASSERT_FAILS(hada_tiff_create(&writer, io_path("bad.tif"), 1, 4, 4, &options, err), HADA_ERROR_ARGUMENT, "12 bits");
     ASSERT_FAILS(hada_tiff_save(io_path("no/such/folder.tif"), &image, NULL, err), HADA_ERROR_FILE_WRITE,

@@ -311,7 +311,11 @@ TEST(pairs_are_read_once_where_nothing_changes_them)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     f.reads = 0;
-    SCOPED(hada_trainer) *trainer = make(&options, 1);
+    SCOPED(hada_trainer) * trainer;
+    SCOPED(hada_model) * model; /* which the trainer outlives */
+    ASSERT_OK(hada_model_with_enhance(&model, f.model, NULL, 0, 0, err));
+    ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, err));
+    hada_model_destroy(&model);
     steps(trainer, 20);
     assert_in_range(f.reads, DEPTHS * PAIRS, DEPTHS * PAIRS + 8); /* and some that were on their way */
 }

@@ -2,7 +2,6 @@
 
 #include <hadalens/dataset.h>
 #include <hadalens/folder.h>
-#include <math.h>
 #include <string.h>
 
 hada_status hada_cli_read_dark(hada_cli_dark *dark, const char *text, hada_error *err)
@@ -16,7 +15,7 @@ hada_status hada_cli_read_dark(hada_cli_dark *dark, const char *text, hada_error
     }
     if (hada_cli_read_real(text, &dark->level)) {
         dark->kind = HADA_DARK_LEVEL;
-        return fabs(dark->level) < 1
+        return dark->level >= 0 && dark->level < 1
                    ? HADA_OK
                    : hada_cli_error(err, HADA_ERROR_ARGUMENT,
                                     "--dark %s: the level is a share of full scale, such as 0.006", text);
@@ -40,7 +39,7 @@ hada_status hada_cli_read_dark_level(double *level, hada_image *frame, const cha
     if (!text)
         return HADA_OK;
     HADA_TRY(hada_cli_read_dark(&dark, text, err));
-    *level = dark.kind == HADA_DARK_AUTO ? HADA_AUTO : dark.level == HADA_AUTO ? nextafter(dark.level, 0) : dark.level;
+    *level = dark.kind == HADA_DARK_AUTO ? HADA_AUTO : dark.level;
     *frame = dark.frame;
     return HADA_OK;
 }

@@ -125,6 +125,8 @@ class Pixels:
             array = to_float(array, full_scale)
         if copy and np.may_share_memory(array, given if isinstance(given, np.ndarray) else array):
             array = array.copy()
+        if any(stride == 0 < size - 1 for stride, size in zip(array.strides, array.shape, strict=True)):
+            array = array.copy()  # one that NumPy spread over an axis
         self.array = array  # whose memory C reads
         self.c = tie(ffi.new("hada_pixels *"), array)
         lib.hada_pixels_init(self.c)

@@ -30,8 +30,8 @@ typedef struct hada_fit_options {
     int raw_rows, raw_cols, window_rows, window_cols;
     hada_boundary boundary; /* HADA_BOUNDARY_CIRCULAR by default */
     hada_form form;         /* HADA_FORM_COMPLEX (default) or HADA_FORM_SPLIT */
-    double dark; /* taken off the raw frames; HADA_AUTO: each frame's and channel's own, the first percentile of
-                    means of up to 16 pixels */
+    double dark; /* taken off the raw frames, not negative; HADA_AUTO: each frame's and channel's own, the first
+                    percentile of means of up to 16 pixels */
     double alpha, lambda;  /* HADA_AUTO (default): chosen by leave-one-out */
     double outside;        /* weight of a filter's error outside the window, 0.01 to 1, for hada_fitter_finish() with
                               all pairs; HADA_AUTO (default): chosen there by leaving pairs out; 1: the exact fit */

@@ -3,6 +3,9 @@
  * float32, planar: data[(channel * rows + row) * cols + col]. Linear intensity. Integer files are
  * divided by their full scale (255, 65535, 4294967295); float files are taken as they are.
  *
+ * Functions that make an image ("created by the call") do not free what *out held: destroy that first. It is not one of
+ * the images that they read (HADA_ERROR_ARGUMENT).
+ *
  * Threads: images are plain values; any number of threads may read one. */
 #ifndef HADALENS_IMAGE_H
 #define HADALENS_IMAGE_H

@@ -36,7 +36,8 @@ typedef enum hada_job_state {
  * ended; a result used again keeps its memory, that of a job that did not end well is empty. Frames of one plan start
  * in the order of submission; with HADA_SKIP_FRAMES each is compared with the one submitted before it, and which ones
  * take a weight that is kept (refine_tv of hada_plan_options) goes by that order, too. A frame of the wrong size is
- * refused here (HADA_ERROR_MODEL), other faults of a frame are the job's. */
+ * refused here (HADA_ERROR_MODEL), as is a result that another job of the plan fills (HADA_ERROR_STATE); other faults
+ * of a frame are the job's. */
 HADA_API hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *raw, hada_result *result,
                                      hada_error *err);
 

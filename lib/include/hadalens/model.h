@@ -1,7 +1,8 @@
 /* Hadalens: a learned (or measured) camera.
  *
  * A model holds, per depth and channel, a Hadamard filter W on the half spectrum and an estimate of the optical
- * transfer function H, with the conventions they follow. It is immutable once made and may be shared by threads.
+ * transfer function H, with the conventions they follow. It is immutable once made and may be shared by threads: what
+ * changes one gives a copy. Plans and trainers keep the model that they need: it may be destroyed before them.
  * Files are safetensors: docs/reference/files.md names the tensors and the metadata.
  *
  * Geometry. A raw frame has `raw_rows` x `raw_cols` pixels. Transforms run on a grid of `grid_rows` x `grid_cols`:
@@ -147,10 +148,10 @@ typedef struct hada_psf_options {
     hada_form form;               /* HADA_FORM_WIENER by default */
     hada_boundary boundary;       /* HADA_BOUNDARY_PADDED by default: a measured PSF belongs to a sensor that crops */
     int window_rows, window_cols; /* 0: the whole frame */
-    double lambda;    /* of the Wiener filter, relative to the mean |OTF|^2, above 0; HADA_AUTO (default): chosen, see
-                         docs/explanation/learning-a-camera.md */
-    double psf_dark;  /* taken off the PSF's pixels; HADA_AUTO (default): estimated from its background */
-    double dark;      /* of the frames, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
+    double lambda;   /* of the Wiener filter, relative to the mean |OTF|^2, above 0; HADA_AUTO (default): chosen, see
+                        docs/explanation/learning-a-camera.md */
+    double psf_dark; /* taken off the PSF's pixels; HADA_AUTO (default): estimated from its background */
+    double dark;     /* of the frames, not negative, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
     int refine_steps; /* HADA_AUTO (default): chosen */
     double refine_tv; /* weight of total variation in refinement; 0: none; HADA_AUTO (default): found from each frame */
     hada_turn turn;   /* HADA_TURN_NONE by default: how all of them are turned first */

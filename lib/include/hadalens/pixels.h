@@ -20,7 +20,8 @@ typedef enum hada_pixel_type {
 } hada_pixel_type;
 
 /* Where the sample of (channel, row, col) stands: data + channel * channel_stride + row * row_stride + col *
- * col_stride, in bytes; strides may be negative, or 0 where there is one of a kind. Begin with hada_pixels_init(). */
+ * col_stride, in bytes; strides may be negative, or 0 where there is one of a kind; samples do not lie on each other.
+ * Begin with hada_pixels_init(). */
 typedef struct hada_pixels {
     size_t size; /* sizeof(hada_pixels) */
     const void *data;

@@ -2,7 +2,8 @@
  *
  * plan = model x device: knows its bytes before it allocates. run = one frame; hadalens/job.h has many in flight, on
  * several queues and devices. Frames may be run from any threads, but a plan is destroyed by one, when nobody waits in
- * hada_plan_run(); several plans may share a context and a model. Same input, device and build give the same bits. */
+ * hada_plan_run(); several plans may share a context and a model. A plan keeps what it needs of a model, which may be
+ * destroyed; contexts must outlive their plans. Same input, device and build give the same bits. */
 #ifndef HADALENS_RECONSTRUCT_H
 #define HADALENS_RECONSTRUCT_H
 
@@ -32,12 +33,13 @@ typedef enum hada_scene {
     HADA_SCENE_VOLUME = 3 /* light at all depths, found by Richardson-Lucy (docs/explanation/surfaces.md#volumes) */
 } hada_scene;
 
+/* What is taken off a frame. */
 typedef enum hada_dark {
-    HADA_DARK_MODEL = 0,
+    HADA_DARK_MODEL = 0, /* what the model says */
     HADA_DARK_NONE = 1,
-    HADA_DARK_AUTO = 2,
-    HADA_DARK_LEVEL = 3,
-    HADA_DARK_FRAME = 4
+    HADA_DARK_AUTO = 2,  /* each frame's and channel's own level, estimated */
+    HADA_DARK_LEVEL = 3, /* dark_level */
+    HADA_DARK_FRAME = 4  /* dark_frame, and no level */
 } hada_dark;
 
 /* Work that a scene does not need. Each kind has a switch; docs/explanation/speed-and-accuracy.md says what each saves
@@ -63,8 +65,8 @@ typedef struct hada_plan_options {
     size_t size;       /* sizeof(hada_plan_options) */
     const int *depths; /* indices of the depths to compute, ascending; NULL: all */
     int depth_count;
-    hada_occupied occupied;   /* HADA_OCCUPIED_AUTO by default */
-    const int *occupied_list; /* indices of depths, for HADA_OCCUPIED_LIST */
+    hada_occupied occupied;   /* HADA_OCCUPIED_AUTO by default: with a list, HADA_OCCUPIED_LIST */
+    const int *occupied_list; /* indices of depths, ascending */
     int occupied_count;
     int refine;        /* steps; HADA_AUTO (default): the model's, and more until several depths have parted; 0: linear
                         * filters alone */
@@ -72,15 +74,16 @@ typedef struct hada_plan_options {
                         * none found from a frame, and kept for those that are run after it until the noise of one
                         * differs by more than a tenth, or its light by a twentieth; 0: none; HADA_REFINE_TV_FRAME: found
                         * from each frame */
-    hada_dark dark;    /* HADA_DARK_MODEL by default: what the model says */
-    double dark_level; /* for HADA_DARK_LEVEL, in units of full scale */
-    const hada_image *dark_frame; /* for HADA_DARK_FRAME; copied */
+    hada_dark dark;    /* HADA_DARK_MODEL by default: with a level or a frame below, HADA_DARK_LEVEL or HADA_DARK_FRAME.
+                        * Other kinds are refused beside them */
+    double dark_level; /* in units of full scale, 0 or more; HADA_AUTO: HADA_DARK_AUTO */
+    const hada_image *dark_frame; /* of the frame's size, with its channels or one for all; copied */
     int repair_not_finite;        /* 1: NaN and infinite pixels take the median of their neighbours, with a count in the
                                      report; 0 (default): such a frame is refused */
     int half;                     /* 1: filters on the device in half precision */
     int enhance;                  /* 1 (default): planes go through the model's net, where it has one; 0: not */
     int batch;                    /* depths at once; HADA_AUTO (default) or 0: chosen from the memory */
-    double gamma;                 /* exponent on the finished images; 1 (default): linear */
+    double gamma;                 /* exponent on the finished images, at most 100; 1 (default): linear */
     int queues;                   /* frames or batches in flight on each device, each on a queue of its own with its
                                      own memory; HADA_AUTO (default) or 0: 1 */
     unsigned skip;                /* HADA_SKIP_... that may be used; HADA_SKIP_ALL by default, 0: none (a dense run) */
@@ -118,8 +121,8 @@ typedef struct hada_plan_options {
                              HADA_SUPPORT_GRID the scene is never a surface. Results are of the window in any case */
     const hada_image *flat_frame; /* an evenly lit sensor, its dark level taken off, of the frame's size, with its
                                      channels or one for all: frames are divided by it above their dark level. Pixels
-                                     that see less than a twentieth of the mean count as if their weight were 0. NULL
-                                     (default): the model's, where it has one. Copied */
+                                     that are not finite, or see less than a twentieth of the mean, count as if their
+                                     weight were 0. NULL (default): the model's, where it has one. Copied */
     int downsample; /* frames of so many times the model's rows and columns are binned (hada_image_downsample()); then
                        `mosaic` is that of the sensor, and dark_frame, flat_frame and pixel_weights may have the
                        sensor's size as well. HADA_AUTO (default): as the model says; 1: none are */
@@ -199,8 +202,8 @@ typedef struct hada_report {
 typedef struct hada_result {
     int depths;                 /* computed */
     const double *distances_mm; /* per computed depth */
-    hada_image *planes;         /* per computed depth, channels x window; their pixels stand behind each other, so that
-                                   planes[0].data is the stack, [depth][channel][row][col] */
+    hada_image *planes;         /* per computed depth, channels x window, negative light set to 0; their pixels stand
+                                   behind each other: planes[0].data is the stack, [depth][channel][row][col] */
     hada_image all_in_focus;    /* channels x window */
     hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus or light is noise */
     const hada_report *report;  /* NULL while the result is empty */
@@ -234,7 +237,8 @@ typedef struct hada_result_arrays {
 HADA_INIT(hada_result_arrays, HADA_STRUCT_RESULT_ARRAYS)
 
 /* From now on, until hada_result_destroy(), this result is written into these arrays, which must live as long. What it
- * held is gone. A run whose sizes are others fails with HADA_ERROR_SIZE; after a failure the arrays hold anything. */
+ * held is gone. A run whose sizes are others fails with HADA_ERROR_SIZE; after a failure the arrays hold anything. They
+ * share no memory with each other or the frame (HADA_ERROR_ARGUMENT). */
 HADA_API hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err);
 
 #ifdef __cplusplus

@@ -101,7 +101,7 @@ HADA_API hada_status hada_simulator_psf(const hada_simulator *simulator, int dep
 HADA_API hada_status hada_simulator_psf_at(const hada_simulator *simulator, int depth, int row, int col,
                                            hada_image *psf, hada_error *err);
 
-/* Adds Gaussian noise with standard deviation `sigma` (in the image's units). */
+/* Adds Gaussian noise with standard deviation `sigma` (in the image's units); none where that is not finite. */
 HADA_API void hada_image_add_noise(hada_image *image, double sigma, uint64_t seed);
 
 #ifdef __cplusplus

@@ -112,7 +112,7 @@ static inline void hada_train_options_init(hada_train_options *options, hada_sta
 typedef struct hada_trainer hada_trainer;
 
 /* Starts at step 0, on one or more devices, a context each, which share the pairs of a step. `model` gives filters,
- * sizes and (where it has one) the net, and must live as long as the trainer; CONVENTIONAL takes only its sizes.
+ * sizes and (where it has one) the net, and may be destroyed afterwards; CONVENTIONAL takes only its sizes.
  * `pairs` are those to learn from, `held_out` (may be NULL) those to validate with: of the model's depths, frames of
  * its raw size and scenes of its window's size or the raw frame's, of which the centre is used; both must last as long
  * as the trainer. What training makes of them, and what VGG-16 makes of the scenes for the perceptual term, is kept in

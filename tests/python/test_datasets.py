@@ -25,15 +25,25 @@ def diffusercam(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_lists(diffusercam: Path) -> None:
-    """Lists."""
+def test_lists(diffusercam: Path, tmp_path: Path) -> None:
+    """Lists, and slices, which are data sets; samples in a folder of their own."""
     assert datasets.DiffuserCam(diffusercam).names == ("im10", "im2")
     assert datasets.DiffuserCam(diffusercam, "test").names == ("im20",)
-    assert datasets.DiffuserCam(diffusercam, "all").names == ("im1", "im2", "im10", "im20")
+    pairs = datasets.DiffuserCam(diffusercam, "all")
+    assert pairs.names == ("im1", "im2", "im10", "im20")
+    part = pairs[1:3]
+    assert isinstance(part, datasets.DiffuserCam)
+    assert part.names == ("im2", "im10")
+    assert np.array_equal(part[-1].raw, pairs[2].raw)
+    assert len(list(part)) == 2
+    for folder in ("diffuser", "lensed"):
+        (tmp_path / "own/dataset" / folder).mkdir(parents=True)
+        np.save(tmp_path / "own/dataset" / folder / "im3.npy", np.zeros((ROWS, COLS, 3), np.float32))
+    assert datasets.DiffuserCam(tmp_path / "own", "all").names == ("im3",)
 
 
 def test_upright_and_red_first(diffusercam: Path) -> None:
-    """Upright and red first."""
+    """Upright and red first; integers become shares of full scale."""
     stored = np.zeros((ROWS, COLS, 3), np.float32)
     stored[0, 2, 2] = 1  # red, at the bottom of what one sees
     np.save(diffusercam / "ground_truth_lensed" / "im1.npy", stored)
@@ -42,30 +52,6 @@ def test_upright_and_red_first(diffusercam: Path) -> None:
     assert scene.dtype == np.float32
     assert scene[0, ROWS - 1, 2] == 1
     assert scene.sum() == 1
-
-
-def test_slices_are_data_sets(diffusercam: Path) -> None:
-    """Slices are data sets."""
-    pairs = datasets.DiffuserCam(diffusercam, "all")
-    part = pairs[1:3]
-    assert isinstance(part, datasets.DiffuserCam)
-    assert part.names == ("im2", "im10")
-    assert np.array_equal(part[-1].raw, pairs[2].raw)
-    assert len(list(part)) == 2
-
-
-def test_integers_become_shares_of_full_scale(diffusercam: Path) -> None:
-    """Integers become shares of full scale."""
-    np.save(diffusercam / "diffuser_images" / "im1.npy", np.full((ROWS, COLS, 3), 51, np.uint8))
-    assert np.all(datasets.DiffuserCam(diffusercam, "all")[0].raw == np.float32(0.2))
-
-
-def test_samples_in_a_folder_of_their_own(tmp_path: Path) -> None:
-    """Samples in a folder of their own."""
-    for folder in ("diffuser", "lensed"):
-        (tmp_path / "dataset" / folder).mkdir(parents=True)
-        np.save(tmp_path / "dataset" / folder / "im3.npy", np.zeros((ROWS, COLS, 3), np.float32))
-    assert datasets.DiffuserCam(tmp_path, "all").names == ("im3",)
 
 
 def test_psf_is_averaged_to_the_frames_size(diffusercam: Path) -> None:

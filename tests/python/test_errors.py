@@ -27,19 +27,14 @@ def fails(kind: type[hadalens.HadalensError], also: type[BaseException], work: A
     return caught.value
 
 
-def test_argument(model: hadalens.Model) -> None:
-    """A value that is out of range."""
-    fails(errors.ArgumentError, ValueError, lambda: hadalens.Plan(model, gamma=-1.0))
-
-
-def test_size() -> None:
-    """Sizes that do not fit together."""
+def test_calls(plan: hadalens.Plan, raw: Array) -> None:
+    """A value out of range, sizes that do not fit, the wrong time, a frame of another camera, a device that is none."""
+    fails(errors.ArgumentError, ValueError, lambda: hadalens.Plan(plan.model, gamma=-1.0))
     fails(errors.SizeError, ValueError, hadalens.metrics.mse, np.zeros((4, 5)), np.zeros((5, 4)))
-
-
-def test_state(plan: hadalens.Plan) -> None:
-    """A call at the wrong time."""
     fails(errors.StateError, RuntimeError, plan.kernel_times)
+    fails(errors.ModelError, ValueError, plan.run, raw[:, :-1])
+    error = fails(errors.DeviceChoiceError, ValueError, hadalens.Context, "no such device")
+    assert isinstance(error, hadalens.DeviceError)
 
 
 def test_unsupported() -> None:
@@ -49,14 +44,6 @@ def test_unsupported() -> None:
     window = (camera.window_rows, camera.window_cols)
     surface = (np.ones(window, np.float32), np.full(window, 200.0, np.float32))
     fails(errors.UnsupportedError, ValueError, simulator.render_reliefs, [surface])
-
-
-def test_cancelled(model: hadalens.Model, raw: Array) -> None:
-    """Stopped on request."""
-    plan = hadalens.Plan(model, classic=hadalens.Classic("admm", iterations=10**6))
-    job = plan.submit(raw)
-    job.cancel()
-    fails(errors.CancelledError, Exception, job.result)
 
 
 MEMORY = """
@@ -113,25 +100,6 @@ def test_dataset(tmp_path: Path) -> None:
     fails(errors.DatasetError, ValueError, hadalens.Dataset, {})
 
 
-def test_model(plan: hadalens.Plan, raw: Array) -> None:
-    """A frame of another camera."""
-    fails(errors.ModelError, ValueError, plan.run, raw[:, :-1])
-
-
-def test_no_device(tmp_path: Path) -> None:
-    """See also test_interface.test_import_touches_no_device."""
-    code = "import hadalens\ntry: hadalens.Context()\nexcept hadalens.NoDeviceError as e: print(e.status.name)"
-    environment = {"OCL_ICD_VENDORS": str(tmp_path), "PATH": ""}
-    out = subprocess.run([sys.executable, "-c", code], env=environment, check=True, text=True, capture_output=True)
-    assert out.stdout == "NO_DEVICE\n"
-
-
-def test_device_choice() -> None:
-    """A device that is not there."""
-    error = fails(errors.DeviceChoiceError, ValueError, hadalens.Context, "no such device")
-    assert isinstance(error, hadalens.DeviceError)
-
-
 def test_build(tmp_path: Path, raw: Array, model: hadalens.Model) -> None:
     """A folder of binaries that lacks what is needed: nothing is compiled in its place."""
     folder = hadalens.Context().save_programs(tmp_path / "binaries")
@@ -161,23 +129,6 @@ def test_records_become_exceptions(status: errors.Status) -> None:
     assert type(error) is errors.BY_STATUS[status]
     assert str(error).startswith("what")
     assert (error.code, error.detail) == (-5, "log")
-    builtin = {
-        "ARGUMENT": ValueError,
-        "SIZE": ValueError,
-        "STATE": RuntimeError,
-        "UNSUPPORTED": ValueError,
-        "MEMORY": MemoryError,
-        "DEVICE_MEMORY": MemoryError,
-        "FILE_OPEN": OSError,
-        "FILE_READ": OSError,
-        "FILE_FORMAT": OSError,
-        "FILE_WRITE": OSError,
-        "NOT_FINITE": ValueError,
-        "DATASET": ValueError,
-        "MODEL": ValueError,
-        "NUMERIC": ArithmeticError,
-    }.get(status.name, Exception)
-    assert isinstance(error, builtin)
 
 
 def test_errors_of_callbacks_come_first(camera: Path) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import hadalens
-import numpy as np
 import pytest
 from hadalens import _native, errors
 from hadalens._fit import fit_options
@@ -82,7 +81,6 @@ def test_statuses_are_those_of_the_header() -> None:
     }
     assert set(errors.BY_STATUS) == set(errors.Status) - {errors.Status.OK}
     assert all(issubclass(kind, hadalens.HadalensError) for kind in errors.BY_STATUS.values())
-    assert all(kind.status is status for status, kind in errors.BY_STATUS.items())
 
 
 def test_enumerations_have_words() -> None:
@@ -203,7 +201,7 @@ def test_all_names_are_there() -> None:
 
 def test_import_touches_no_device(tmp_path: Path) -> None:
     """Importing works where no driver is registered, and says what to install when one is needed."""
-    code = "import hadalens\ntry: hadalens.devices()\nexcept hadalens.NoDeviceError as e: print(e)"
+    code = "import hadalens\ntry: hadalens.devices()\nexcept hadalens.NoDeviceError as e: print(e.status.name, e)"
     empty = tmp_path / "vendors"
     empty.mkdir()
     text = subprocess.run(
@@ -213,6 +211,7 @@ def test_import_touches_no_device(tmp_path: Path) -> None:
         text=True,
         capture_output=True,
     ).stdout
+    assert text.startswith("NO_DEVICE ")
     assert "pocl-opencl-icd" in text
     assert "conda-forge" in text
 
@@ -272,10 +271,3 @@ def test_import_takes_little_cpu_time() -> None:
     code = "import numpy, time; t = time.process_time(); import hadalens; print(time.process_time() - t)"
     times = [float(subprocess.check_output([sys.executable, "-c", code])) for _ in range(3)]
     assert min(times) <= 0.1
-
-
-def test_words_are_listed_when_one_is_wrong(model: hadalens.Model) -> None:
-    """A word that is none is a ValueError with those that there are."""
-    with pytest.raises(ValueError, match="auto, planes, surface"):
-        hadalens.Plan(model, scene="cube")  # type: ignore[arg-type]
-    assert np.isfinite(model.filters).all()

@@ -200,8 +200,10 @@ def test_metrics() -> None:
     distances = [100.0, 200.0, 400.0]
     score = hadalens.metrics.depth(truth, truth, distances)
     assert (score.coverage, score.within, score.mean_steps) == (1, 1, 0)
+    for kind in (np.uint16, np.int64):  # millimetres are no pixels
+        assert hadalens.metrics.depth(truth.astype(kind), truth, distances) == score
     assert hadalens.metrics.depth_confidence(truth + 1, truth, truth).half_error == pytest.approx(1)
-    parts = hadalens.metrics.depth_parts(truth, distances)
+    parts = hadalens.metrics.depth_parts(truth.astype(np.uint16), distances)
     assert parts[0, 16] == 2
     assert parts[0, 0] == 1
     nearer = hadalens.metrics.depth_nearer(truth, np.full_like(truth, 400), np.full_like(truth, 380), distances)
@@ -277,6 +279,8 @@ def test_tiff(plan: hadalens.Plan, raw: Array, tmp_path: Path) -> None:
     assert not (tmp_path / "no.tif").exists()
     level = hadalens.load_dark(file)
     assert level[0].shape == result.stack.shape[1:]
+    small = hadalens.load_dark(tmp_path / "small.tif", full_scale=4095)[0]
+    np.testing.assert_allclose(small, np.clip(result.all_in_focus, 0, 1) * 65535 / 4095, atol=2e-4)
 
 
 def test_pictures(plan: hadalens.Plan, raw: Array, tmp_path: Path) -> None:
@@ -302,7 +306,9 @@ def test_responses() -> None:
     values = np.linspace(0, 1, 11)
     light = hadalens.response.convert(values, "srgb", "linear")
     np.testing.assert_allclose(hadalens.response.convert(light, "linear", "srgb"), values, atol=1e-6)
+    assert hadalens.response.convert(np.array([51], np.uint8), "srgb", "linear") == pytest.approx([0.033105], rel=1e-3)
     assert hadalens.response.to_light(2.0, 0.5) == pytest.approx(0.25)
+    assert hadalens.response.to_light("srgb", 1) == 1
     assert hadalens.response.from_light("2", 0.25) == pytest.approx(0.5)
     with pytest.raises(ValueError, match="srgb"):
         hadalens.response.number("log")

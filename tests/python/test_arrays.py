@@ -99,10 +99,20 @@ def test_strides_and_channel_axis(linear: hadalens.Plan, raw: Array) -> None:
 
 
 def test_full_scale(linear: hadalens.Plan, integers: Array) -> None:
-    """A camera of 12 bits in uint16."""
-    twelve = integers >> 4
-    expected = linear.run(twelve.astype(np.float32) / np.float32(4095)).stack
-    np.testing.assert_array_equal(linear.run(twelve, full_scale=4095).stack, expected)
+    """A camera of 12 bits in uint16, its counts as floats, and its dark frame and exposures."""
+    twelve, dark = integers >> 4, np.full_like(integers, 64)
+    light = twelve.astype(np.float32) / np.float32(4095)
+    expected = linear.run(light).stack
+    for counts in (twelve, twelve.astype(">f4"), twelve.astype(np.float32), twelve.astype(np.float64)):
+        np.testing.assert_array_equal(linear.run(counts, full_scale=4095).stack, expected)
+    assert linear.match(counts, full_scale=4095) == linear.match(light)
+    expected = hadalens.Plan(linear.model, refine=0, dark=dark / np.float32(4095)).run(light).stack
+    told = hadalens.Plan(linear.model, refine=0, dark=dark, full_scale=4095)
+    for result in (told.run(twelve), next(told.map([counts])), told.run(light, full_scale=1)):
+        np.testing.assert_array_equal(result.stack, expected)
+    exposures = [np.minimum(0.05 + length * light, 1) for length in (0.2, 0.9)]
+    merged = hadalens.merge_exposures(*[one * 4095 for one in exposures], full_scale=4095)[0]
+    np.testing.assert_allclose(merged, hadalens.merge_exposures(*exposures)[0], atol=1e-6)
     with pytest.raises(ValueError, match="full_scale"):
         linear.run(twelve, full_scale=0)
 
@@ -133,9 +143,13 @@ class OnlyInterface:
 
 
 def test_protocols(linear: hadalens.Plan, raw: Array) -> None:
-    """DLPack, the array interface and buffers go in."""
+    """DLPack, the array interface and buffers go in, and values that stand where no float should."""
     expected = linear.run(raw).stack
-    for frame in (OnlyDlpack(raw), OnlyInterface(raw), memoryview(raw)):  # type: ignore[arg-type]
+    buffer, skew = np.ctypeslib.as_ctypes(raw.copy()), np.zeros(raw.nbytes + 1, np.uint8)[1:].view(np.float32)
+    skew[:] = raw.ravel()
+    assert to_float(skew).flags.aligned
+    frames = (OnlyDlpack(raw), OnlyInterface(raw), memoryview(raw), buffer, skew.reshape(raw.shape))  # type: ignore[arg-type]
+    for frame in frames:
         np.testing.assert_array_equal(linear.run(frame).stack, expected)
     for host in (3, 11, 13):  # pinned and managed memory of GPUs, which the host reads
         np.testing.assert_array_equal(linear.run(OnlyDlpack(raw, device=host)).stack, expected)

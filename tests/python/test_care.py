@@ -23,6 +23,7 @@ from hadalens._fit import FitOptions, fit_options
 from hadalens._native import ffi, spoken
 from hadalens._plan_options import PlanOptions
 from hadalens._trainer import TrainOptions
+from hadalens.ome import OmeZarrWriter
 
 Array = npt.NDArray[Any]
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs/python/notebooks").glob("*.ipynb"))
@@ -102,41 +103,63 @@ def test_options_below_zero_and_nan_are_refused(option: str, model: hadalens.Mod
         hadalens.Plan(model, **given)
 
 
-def test_wrong_values_elsewhere_are_refused(model: hadalens.Model, camera: Path) -> None:
-    """The same for learning."""
-    for dark in (-1.0, float("nan")):
-        with pytest.raises(hadalens.ArgumentError, match="dark"):
-            hadalens.fit(camera, dark=dark)
-        with pytest.raises(hadalens.ArgumentError, match="dark"):
-            hadalens.Model.from_psf([np.eye(8)], [100.0], dark=dark)
-    with pytest.raises(hadalens.ArgumentError, match="regularisation"):
-        hadalens.fit(camera, regularisation=-1.0)
-    with pytest.raises(hadalens.ArgumentError, match="steps"):
-        hadalens.Trainer(model, camera, steps=-1)
-    with pytest.raises(hadalens.ArgumentError, match="gamma"):
-        hadalens.save_png("no.png", np.ones((4, 4)), gamma=-1)
-
-
-def test_numbers_of_numpy_are_taken(model: hadalens.Model, raw: Array) -> None:
-    """What stands for a number is one."""
+def test_first_mistakes_are_named(
+    model: hadalens.Model, linear: hadalens.Plan, camera: Path, frames: list[Path], raw: Array, tmp_path: Path
+) -> None:
+    """What people try first works, or the error says what is needed."""
+    wrong: Any = hadalens
+    fit, psf, scene, nan = wrong.fit, np.eye(24, dtype=np.float32), np.ones((48, 48)), float("nan")
+    stacks, mask, levels = (np.stack([raw] * 4), np.stack([scene] * 4)), raw > raw.mean(), (raw * 99).astype(np.int16)
+    file, argument, planes = tmp_path / "a", hadalens.ArgumentError, np.ones((2, 9, 9))
+    from_psf = wrong.Model.from_psf
+    file.write_text("no folder")
+    works: list[tuple[type[Exception], str, Callable[[], Any]]] = [
+        (argument, "dark", lambda: fit(camera, dark=-1.0)),
+        (argument, "dark", lambda: fit(camera, dark=nan)),
+        (argument, "dark", lambda: from_psf([psf], [100.0], dark=nan)),
+        (argument, "regularisation", lambda: fit(camera, regularisation=-1.0)),
+        (argument, "steps", lambda: hadalens.Trainer(model, camera, steps=-1)),
+        (argument, "gamma", lambda: hadalens.save_png(tmp_path / "no.png", scene, gamma=-1)),
+        (argument, "masked", lambda: linear.run(np.ma.masked_array(raw, mask))),
+        (argument, "down to -3", lambda: linear.run(np.maximum(levels, 0) - np.int16(3))),
+        (TypeError, r"such as \{250.0: pairs\}", lambda: fit([(raw, scene)])),
+        (TypeError, r"list\(zip\(raws, scenes\)\)", lambda: fit({100.0: stacks})),
+        (TypeError, "'z100mm' is no distance", lambda: fit({"z100mm": [(raw, scene)]})),
+        (hadalens.DatasetError, "six digits", lambda: fit({100.0: [], 100.0000001: []})),
+        (TypeError, "dark_frame", lambda: fit({100.0: [(raw, scene)]}, dark=raw)),
+        (argument, "folders say theirs", lambda: fit(camera, full_scale=4095)),
+        (TypeError, "full_scale='4095'", lambda: linear.run(raw, full_scale="4095")),  # type: ignore[arg-type]
+        (TypeError, "window=8", lambda: from_psf(psf, 100.0, window=8)),
+        (argument, "ascend", lambda: from_psf(psf, -2.0)),
+        (argument, "ascend", lambda: hadalens.write_tiff(tmp_path / "b", planes[:, None], distances_mm=[2.0, 1.0])),
+        (hadalens.SizeError, "competing", lambda: hadalens.focus_stack(planes, [1.0, 2.0], competing=[True])),
+        (argument, "for each of 4", lambda: hadalens.Plan(model, depths=[False, True])),
+        (TypeError, "refine=True", lambda: hadalens.Plan(model, refine=True)),
+        (TypeError, "dark=True", lambda: hadalens.Plan(model, dark=True)),
+        (TypeError, "'gpu' or '0'", lambda: wrong.Plan(model, context=0)),
+        (TypeError, "channel_axis=0.0", lambda: wrong.metrics.mse(raw, raw, channel_axis=0.0)),
+        (argument, "NUL", lambda: hadalens.read_tiff(f"{frames[0]}\0.tif")),
+        (argument, "sigma", lambda: hadalens.add_noise(scene, nan)),
+        (argument, "timeout", lambda: linear.submit(raw).wait(nan)),
+        (argument, "magnification", lambda: hadalens.Registration(magnification=0).size(4, 4)),
+        (TypeError, r"Plan\.emitters", lambda: wrong.track_emitters([np.zeros(3)])),
+        (argument, "'auto' is no response", lambda: hadalens.response.convert(raw, "auto", "linear")),
+        (FileExistsError, "no folder", lambda: OmeZarrWriter(file, overwrite=True)),
+    ]
+    for kind, words, work in works:
+        with pytest.raises(kind, match=words):
+            work()
+    assert list(tmp_path.iterdir()) == [file]
+    expected = linear.run(raw).stack
+    np.testing.assert_array_equal(linear.run(np.ma.masked_array(raw, False)).stack, expected)
     plan = hadalens.Plan(model, refine=np.int64(0), dark=np.float32(0.125), gamma=np.float64(1))  # type: ignore[arg-type]
     np.testing.assert_array_equal(plan.run(raw).stack, hadalens.Plan(model, refine=0, dark=0.125).run(raw).stack)
-
-
-def test_masked_values_are_no_pixels(linear: hadalens.Plan, raw: Array) -> None:
-    """What stands below a mask must not count unseen; a mask without effect is fine."""
-    with pytest.raises(hadalens.ArgumentError, match="masked"):
-        linear.run(np.ma.masked_array(raw, raw > raw.mean()))
-    whole = linear.run(np.ma.masked_array(raw, False))
-    np.testing.assert_array_equal(whole.stack, linear.run(raw).stack)
-
-
-def test_light_is_not_negative(linear: hadalens.Plan, raw: Array) -> None:
-    """Signed integers below 0 are an offset that somebody forgot."""
-    levels = (np.abs(raw) / raw.max() * 1000).astype(np.int16)
-    linear.run(levels)
-    with pytest.raises(hadalens.ArgumentError, match="down to -3"):
-        linear.run(levels - np.int16(3))
+    some = hadalens.Plan(model, occupied=mask[0, 0, :4] | True, pixel_weights=~mask).run(raw)
+    assert some.report.occupied == (True,) * 4
+    assert hadalens.Plan(model, depths=[False, True, True, False]).stack_shape[0] == 2
+    assert from_psf(psf, 100.0, window=np.array((8, 9))).info.window_cols == 9
+    assert wrong.Dataset({100.0: zip([raw], [scene], strict=True)}).counts == (1,)
+    assert hadalens.reconstruct_files(linear, frames[0], tmp_path, preview=False)[0].error is None
 
 
 # shapes ---------------------------------------------------------------------------------------------------------------
@@ -397,7 +420,6 @@ def test_private_names_do_not_leak() -> None:
             name for name in names if name.startswith("_") or name in ("lib", "ffi", "np", "call", "text", "Any")
         ]
         assert not [name for name in names if name not in module.__all__]
-        assert [name for name in module.__all__ if not hasattr(module, name)] == []
 
 
 def test_reprs_are_short(

@@ -50,7 +50,8 @@ def test_threads(sequence: npt.NDArray[Any], model: hadalens.Model, want: list[h
     with dask.config.set(scheduler="threads", num_workers=2):
         check(results, want)
     kept = hd._kept
-    results = hd.reconstruct(sequence[:1], model, channel_axis=-1)
+    frames = da.from_array(sequence[:1], chunks=((0, 1), 96, 128, 3))  # a block without frames
+    results = hd.reconstruct(frames, model, channel_axis=-1)
     results.distance_map.compute(scheduler="threads")
     assert hd._kept is kept, "the same call made another plan"
 
@@ -89,7 +90,9 @@ def test_the_example(model_file: Path, plan: hadalens.Plan, frames: list[Path], 
 
 
 def test_what_is_wrong_is_said(model: hadalens.Model) -> None:
-    """No frames; frames of another size, once they are computed."""
+    """No frames; an order that blocks do not keep; frames of another size, once they are computed."""
+    with pytest.raises(ValueError, match="warm_start"):
+        hd.reconstruct(np.zeros((1, 3, 96, 128)), model, warm_start=True)
     with pytest.raises(ValueError, match="frames are"):
         hd.reconstruct(np.zeros((5, 5)), model)
     results = hd.reconstruct(np.zeros((1, 3, 5, 5), np.float32), model)

@@ -122,6 +122,24 @@ def test_npy_files_and_channel_axis(arrays: Pairs, tmp_path: Path) -> None:
     np.testing.assert_array_equal(back[1], scene)
 
 
+def test_pairs_of_12_bits(arrays: Pairs, tmp_path: Path) -> None:
+    """Raw frames of 12 bits in uint16, as arrays and files, are learned like the same light; scenes have their own."""
+    distance = min(arrays)
+    counts = [((raw.clip(0, 1) * 4095).round().astype(np.uint16), scene) for raw, scene in arrays[distance]]
+    light = [(raw / np.float32(4095), scene) for raw, scene in counts]
+    given: dict[str, Any] = {"boundary": "circular", "leave_one_out": False}
+    learned = hadalens.fit({distance: counts}, full_scale=4095, **given)
+    assert same(learned, hadalens.fit({distance: light}, **given))
+    hadalens.write_tiff(tmp_path / "a.tif", counts[0][0] / np.float32(65535), bits=16)
+    pairs = [(distance, tmp_path / "a.tif", scene) for _, scene in counts]
+    np.testing.assert_allclose(hadalens.Dataset(pairs, full_scale=4095).read(0, 0)[0], light[0][0], atol=1e-6)
+    for scale, some in ((4095, counts), (None, light)):
+        fitter = hadalens.Fitter([distance], (96, 128), window=(48, 48), channels=3, full_scale=scale, **given)
+        fitter.add(0, *some[0])
+        learned, before = fitter.finish(), learned
+    assert same(learned, before)
+
+
 def test_fitter(arrays: Pairs, tmp_path: Path) -> None:
     """Pair by pair; sums that are saved and merged give the same bits."""
     distances = sorted(arrays)
@@ -139,6 +157,7 @@ def test_fitter(arrays: Pairs, tmp_path: Path) -> None:
     merged = hadalens.Fitter.from_sums(tmp_path / "0.sums", depths=4)
     merged.load_sums(tmp_path / "1.sums")
     assert merged.pairs == whole.pairs
+    assert hadalens.fit(None, merge=tmp_path / "0.sums", leave_one_out=False).info.depths == 4
     model = whole.finish()
     np.testing.assert_allclose(merged.finish().filters, model.filters, atol=1e-4)
     whole.score(0, *arrays[distances[0]][0])

@@ -1,12 +1,14 @@
 """Arrays on their way in and out: one rule for all that takes pixels.
 
-Integers of 8, 16 and 32 bits are divided by their full scale, float32 is shared without a copy, float64 is copied to
-float32; anything else is a TypeError. What is not a NumPy array comes in by DLPack, the array interface or the buffer
-protocol.
+Integers of 8, 16 and 32 bits are divided by their type's full scale, float32 is shared without a copy, float64 is
+copied to float32; anything else is a TypeError. A `full_scale` that is given divides all of them. What is not a NumPy
+array comes in by DLPack, the array interface or the buffer protocol.
 """
 
 from __future__ import annotations
 
+import math
+import numbers
 import os
 from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias
@@ -32,8 +34,11 @@ _FEW = 4  # channels of pictures, at most: no image has so few columns
 _PIXELS = {"|u1": lib.HADA_PIXEL_U8, "<u2": lib.HADA_PIXEL_U16, "<f4": lib.HADA_PIXEL_F32}
 
 
-def as_array(given: Any, what: str) -> npt.NDArray[Any]:
-    """Return an array of what is given, without a copy where that goes; TypeError for what is no array of numbers."""
+def as_array(given: Any, what: str, light: bool = True) -> npt.NDArray[Any]:
+    """Return an array of what is given, without a copy where that goes; TypeError for what is no array of numbers.
+
+    `light`: pixel values, whose types say their full scale; else any numbers, such as millimetres.
+    """
     if isinstance(given, np.ndarray):
         array = given
     elif hasattr(given, "__array_interface__"):
@@ -44,13 +49,16 @@ def as_array(given: Any, what: str) -> npt.NDArray[Any]:
         array = _from_dlpack(given, what)
     elif hasattr(given, "__cuda_array_interface__"):
         raise TypeError(f"{what} is on a device: {_TO_HOST}")
-    elif hasattr(given, "__array__") or isinstance(given, memoryview):
+    elif hasattr(given, "__array__"):
         array = np.asarray(given)
     else:
-        raise TypeError(
-            f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)"
-            + "; hadalens.read_tiff reads a file" * isinstance(given, str | os.PathLike)
-        )
+        try:
+            array = np.asarray(memoryview(given))
+        except TypeError:
+            raise TypeError(
+                f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)"
+                + "; hadalens.read_tiff reads a file" * isinstance(given, str | os.PathLike)
+            ) from None
     kind, size = array.dtype.kind, array.dtype.itemsize
     if isinstance(array, np.ma.MaskedArray):
         if np.ma.is_masked(array):
@@ -59,6 +67,8 @@ def as_array(given: Any, what: str) -> npt.NDArray[Any]:
                 "(array.filled(0)); a plan takes pixel_weights=~array.mask"
             )
         array = array.data
+    if not light and kind in "buif" and size <= 8:
+        return array
     if kind == "i" and size <= 4 and array.size and array.min() < 0:
         raise errors.ArgumentError(
             f"{what} of {array.dtype} has values below 0, down to {array.min()}, but light is 0 or more: take off its "
@@ -95,20 +105,42 @@ def planes_first(array: npt.NDArray[Any], channel_axis: int | None, what: str) -
                 f"channel_axis=-1, or np.moveaxis({what}, -1, 0)"
             )
         return array
+    if isinstance(channel_axis, bool) or not isinstance(channel_axis, numbers.Integral):
+        raise TypeError(f"channel_axis={channel_axis!r:.60}: a whole number is needed")
     if not -3 <= channel_axis < 3:
         raise errors.ArgumentError(f"channel_axis={channel_axis}: {what} has three axes, 0 to 2, or -1 for the last")
     return np.moveaxis(array, channel_axis, 0)
 
 
+def scale_of(full_scale: float | None) -> float | None:
+    """Return a full scale that somebody gave, checked."""
+    if full_scale is None:
+        return None
+    if isinstance(full_scale, bool) or not isinstance(full_scale, numbers.Real):
+        raise TypeError(f"full_scale={full_scale!r:.60}: a number is needed, such as 4095")
+    if not 0 < full_scale < math.inf:
+        raise errors.ArgumentError(f"full_scale={full_scale} is not possible; it is above 0")
+    return float(full_scale)
+
+
 def to_float(array: npt.NDArray[Any], full_scale: float | None = None) -> Float32:
     """Return dense float32 values: the very bits that reading the same numbers from a TIFF file gives."""
-    dtype = array.dtype
-    if dtype.kind == "f":
-        return np.ascontiguousarray(array, dtype=np.float32)
-    scale = float(np.iinfo(dtype).max) if full_scale is None else full_scale
-    # up to 16 bits both numbers are exact in single precision
-    wide = np.float32 if dtype.itemsize <= 2 else np.float64
-    return np.ascontiguousarray(np.divide(array, wide(scale), dtype=wide), dtype=np.float32)
+    dtype, scale = array.dtype, scale_of(full_scale)
+    if scale is None and dtype.kind != "f":
+        scale = float(np.iinfo(dtype).max)
+    if scale is not None and scale != 1:
+        # up to 16 bits, and of single precision, both numbers are exact in single precision
+        wide = np.float32 if dtype.itemsize <= 2 or dtype.char == "f" else np.float64
+        array = np.divide(array, wide(scale), dtype=wide)
+    return np.require(array, np.float32, ["C", "A"])
+
+
+def taken(
+    given: Any, what: str, channel_axis: int | None = None, full_scale: float | None = None, light: bool = True
+) -> Float32:
+    """Return an image, float32 (C, Y, X), of what is given as one; what is no light is plainly cast."""
+    array = planes_first(as_array(given, what, light), channel_axis, what)
+    return to_float(array, full_scale if light else 1)
 
 
 class Pixels:
@@ -118,11 +150,11 @@ class Pixels:
         self, given: Any, channel_axis: int | None, full_scale: float | None, what: str = "raw", copy: bool = False
     ) -> None:
         """Check and wrap; `copy`: never the caller's memory."""
-        if full_scale is not None and not full_scale > 0:
-            raise errors.ArgumentError(f"full_scale={full_scale} is not possible; it is above 0")
         array = planes_first(as_array(given, what), channel_axis, what)
-        if array.dtype.newbyteorder("<").str not in _PIXELS or not array.dtype.isnative or not array.flags.aligned:
-            array = to_float(array, full_scale)
+        full_scale = scale_of(full_scale)
+        here = array.dtype.newbyteorder("<").str in _PIXELS and array.dtype.isnative and array.flags.aligned
+        if not here or (array.dtype.kind == "f" and full_scale is not None):
+            array, full_scale = to_float(array, full_scale), None
         if copy and np.may_share_memory(array, given if isinstance(given, np.ndarray) else array):
             array = array.copy()
         if any(stride == 0 < size - 1 for stride, size in zip(array.strides, array.shape, strict=True)):
@@ -146,9 +178,16 @@ def address(array: npt.NDArray[Any]) -> int:
 class Image:
     """An array as a hada_image that C only reads: `c` points to one, or to the first of several."""
 
-    def __init__(self, *given: Any, what: str = "image", channel_axis: int | None = None) -> None:
+    def __init__(
+        self,
+        *given: Any,
+        what: str = "image",
+        channel_axis: int | None = None,
+        full_scale: float | None = None,
+        light: bool = True,
+    ) -> None:
         """Take images of (Y, X) or (C, Y, X)."""
-        self.arrays = [to_float(planes_first(as_array(one, what), channel_axis, what)) for one in given]
+        self.arrays = [taken(one, what, channel_axis, full_scale, light) for one in given]
         self.c = tie(ffi.new("hada_image[]", max(len(given), 1)), self.arrays)
         for index, array in enumerate(self.arrays):
             image = self.c[index]

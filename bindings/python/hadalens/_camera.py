@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from . import errors
 from ._arrays import Float32, Floats, NewImage
-from ._native import c_number, call, check_names, expect, ffi, lib, meant, members, path, value_of, word
+from ._native import c_number, call, check_names, expect, ffi, lib, meant, members, path, two, value_of, word
 from .device import Device, default
 from .model import Boundary
 
@@ -193,7 +193,7 @@ class Camera:
 
     def resize(self, size: tuple[int, int], window: tuple[int, int] | None = None) -> None:
         """Set rows and columns; the sensor's shorter side keeps its length. window None: it keeps its share."""
-        call(lib.hada_camera_resize, self._c, *size, *(window or (0, 0)))
+        call(lib.hada_camera_resize, self._c, *size, *two(window, "window", (0, 0)))
 
     def set_mask(self, mask: Mask) -> None:
         """Set another kind of mask, with dimensions that suit the camera."""
@@ -230,7 +230,7 @@ class Camera:
     def psf(self, distance_mm: float, size: tuple[int, int] | None = None) -> Float32:
         """Return the point spread function at a distance by geometry: (Y, X), the axis at (rows // 2, columns // 2)."""
         image = NewImage()
-        call(lib.hada_camera_psf, self._c, distance_mm, *(size or (0, 0)), image.c)
+        call(lib.hada_camera_psf, self._c, distance_mm, *two(size, "size", (0, 0)), image.c)
         return image.plane()
 
     def psf_stack(self, *, context: Device | None = None) -> Float32:

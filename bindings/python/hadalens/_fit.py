@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, TypedDict
@@ -18,12 +19,14 @@ from ._native import (
     Options,
     Owner,
     Progress,
+    brief,
     call,
     ffi,
     lib,
     named,
-    path,
+    paths,
     record,
+    two,
     value_of,
 )
 from ._pairs import Dataset, Pairs, as_dataset
@@ -95,7 +98,10 @@ def fit_options(
     **others: Any,
 ) -> Options:
     """Return hada_fit_options of what fit and Fitter take alike."""
-    rows, cols = window or (None, None)
+    rows, cols = two(window, "window")
+    find_dark = isinstance(dark, str) and dark == "pairs"
+    if not find_dark and not isinstance(dark, numbers.Real | None):
+        raise TypeError(f"dark={brief(dark)}: a level, 'pairs' or None is needed; a frame is Dataset(dark_frame=...)")
     found = isinstance(colour_matrix, str)
     if found and colour_matrix != "auto":
         raise errors.ArgumentError(f"colour_matrix={colour_matrix!r} is not known: 'auto', None, or 3 x 3 numbers")
@@ -104,8 +110,8 @@ def fit_options(
         form=form,
         window_rows=rows,
         window_cols=cols,
-        dark=0.0 if dark == "pairs" else AUTO if dark is None else dark,
-        find_dark=dark == "pairs",
+        dark=0.0 if find_dark else AUTO if dark is None else dark,
+        find_dark=find_dark,
         alpha=alpha,
         outside=outside,
         refine_steps=refine_steps,
@@ -151,7 +157,7 @@ def fit(
     crop_passes: int | None = None,
     leave_one_out: bool = True,
     half: bool = False,
-    merge: Sequence[str | os.PathLike[str]] = (),
+    merge: Sequence[str | os.PathLike[str]] | str | os.PathLike[str] = (),
     save_sums: str | os.PathLike[str] | None = None,
     resume: bool = False,
     save_seconds: float | None = None,
@@ -159,6 +165,7 @@ def fit(
     mosaic: MosaicOfFiles = "auto",
     downsample: int = 1,
     channel_axis: int | None = None,
+    full_scale: float | None = None,
     progress: Progress | bool | None = None,
 ) -> Model:
     """Learn a camera from pairs of raw frame and known scene: what ``hadalens fit`` does, with the same bits.
@@ -193,6 +200,7 @@ def fit(
             frames of one channel are; "auto": as raw files state (DNG).
         downsample: of the same: raw frames and scenes are binned, N x N pixels to one.
         channel_axis: of arrays of three axes; None: the first.
+        full_scale: of raw frames of pairs that are no :class:`Dataset`, as for :meth:`Plan.run`.
         progress: a function (what, done, total, note), or True for tqdm's bars.
 
     Returns:
@@ -208,7 +216,7 @@ def fit(
         >>> model.save("camera.model")
 
     """
-    data = None if pairs is None else as_dataset(pairs, channel_axis, mosaic, downsample)
+    data = None if pairs is None else as_dataset(pairs, channel_axis, mosaic, downsample, full_scale)
     options = fit_options(
         form=form,
         window=window,
@@ -240,9 +248,9 @@ def fit(
         monitor=monitor.options,
         exposure=exposure,
     )
-    names = [ffi.new("char[]", path(name)) for name in merge]
-    task.set(merge=ffi.new("char *[]", names) if names else None, merge_count=len(names))
-    task.kept += [names, task.c.merge]
+    names = paths(merge)
+    array = ffi.new("char *[]", names)  # which lives until C is done, as the names do
+    task.set(merge=array if names else None, merge_count=len(names))
     model = Owner("hada_model", lib.hada_model_destroy)
     report = Owner("hada_fit_report", lib.hada_fit_report_destroy)
     monitored(

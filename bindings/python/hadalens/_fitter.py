@@ -12,10 +12,10 @@ import numpy as np
 
 from . import errors
 from . import response as responses
-from ._arrays import Float32, Floats, Mosaic
+from ._arrays import Float32, Floats, Mosaic, scale_of
 from ._fit import FitOptions, fit_options, monitored, scores_of
 from ._fit_report import FitReport
-from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, log, path, span, word
+from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, log, path, span, two, word
 from ._pairs import Dataset, Pairs, Reader, as_dataset
 from .device import Context, Device, default
 from .model import Boundary, Model
@@ -71,6 +71,7 @@ class Fitter(Handle):
         grid: "padded": rows and columns of the grid; None: large enough for all light.
         context: a device; None: :meth:`Context.default`.
         channel_axis: of arrays of three axes; None: the first.
+        full_scale: of raw frames, as for :meth:`Plan.run`.
         options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour,
             refine_ridge, nonnegative, scene_response, frame_encoding, colour_matrix (neither is found here),
             crop_passes, leave_one_out, mosaic, downsample as in :func:`fit`; `raw_size` and `window` are of binned
@@ -95,12 +96,13 @@ class Fitter(Handle):
         grid: tuple[int, int] | None = None,
         context: Device | None = None,
         channel_axis: int | None = None,
+        full_scale: float | None = None,
         **options: Unpack[FitOptions],
     ) -> None:
         """Take room for the sums."""
         check_names(options, FitOptions.__annotations__, "Fitter")
         chosen = fit_options(
-            window=window or raw_size,
+            window=two(window, "window", raw_size),
             depths=len(distances_mm),
             distances_mm=distances_mm,
             channels=channels,
@@ -111,15 +113,15 @@ class Fitter(Handle):
             grid_cols=None if grid is None else grid[1],
             **options,
         )
-        self._start(default(context), chosen, channel_axis)
+        self._start(default(context), chosen, channel_axis, full_scale)
 
-    def _start(self, context: Context, options: Options, channel_axis: int | None) -> None:
+    def _start(self, context: Context, options: Options, channel_axis: int | None, full_scale: float | None) -> None:
         self._monitor = Monitor(None)
         options.set(monitor=self._monitor.options)
         owner = Owner("hada_fitter", lib.hada_fitter_destroy, context._own, self._monitor)
         call(lib.hada_fitter_create, owner.pointer, context._c, options.c)
         self._owner = owner
-        self._channel_axis = channel_axis
+        self._channel_axis, self._full_scale = channel_axis, scale_of(full_scale)
         self._window = (int(options.c.window_rows), int(options.c.window_cols))
         self._response = float(options.c.scene_response)
         sensor = options.c.sensor_mosaic if options.c.downsample > 1 else options.c.mosaic
@@ -141,12 +143,13 @@ class Fitter(Handle):
         depths: int,
         context: Device | None = None,
         channel_axis: int | None = None,
+        full_scale: float | None = None,
         **options: Unpack[FitOptions],
     ) -> Fitter:
         """Return a fitter from a file of sums; camera, depths and dark level are the file's."""
         check_names(options, FitOptions.__annotations__, "Fitter.from_sums")
         new = cls.__new__(cls)
-        new._start(default(context), fit_options(sums=name, **options), channel_axis)
+        new._start(default(context), fit_options(sums=name, **options), channel_axis, full_scale)
         new._seen_elsewhere()
         if len(new._distances) != depths:
             raise errors.SizeError(f"{os.fspath(name)} has {len(new._distances)} depths, not {depths}")
@@ -164,7 +167,8 @@ class Fitter(Handle):
             NotFiniteError, SizeError: the pair is refused; the sums are as they were.
 
         """
-        distance, images = self._distance(depth), Reader([[(raw, scene)]], self._channel_axis).read(0, 0)
+        distance = self._distance(depth)
+        images = Reader([[(raw, scene)]], self._channel_axis, self._full_scale).read(0, 0)
         pair = Dataset({distance: [images]}, mosaic=self._mosaic, downsample=self._downsample)
         monitored(self._monitor, pair, lib.hada_fitter_add, self._c, pair._c)
         self._seen[depth].add(*images, self._window, self._response)
@@ -233,8 +237,15 @@ class Fitter(Handle):
             again = {self._distances[depth]: _Shown(show, depth, count) for depth, count in counts}
         elif any(self._scored.values()):
             again = self._scored
-        axis, mosaic, downsample = self._channel_axis, self._mosaic, self._downsample
-        data = None if again is None else Dataset(again, channel_axis=axis, mosaic=mosaic, downsample=downsample)
+        data = None
+        if again is not None:
+            data = Dataset(
+                again,
+                channel_axis=self._channel_axis,
+                mosaic=self._mosaic,
+                downsample=self._downsample,
+                full_scale=self._full_scale,
+            )
         model = Owner("hada_model", lib.hada_model_destroy)
         arguments = (lib.hada_fitter_finish, self._c, ffi.NULL if data is None else data._c, model.pointer)
         monitored(self._monitor, data, *arguments)
@@ -251,7 +262,11 @@ class Fitter(Handle):
 
 
 def find_boundary(
-    pairs: Dataset | Pairs | str | os.PathLike[str], *, context: Device | None = None, channel_axis: int | None = None
+    pairs: Dataset | Pairs | str | os.PathLike[str],
+    *,
+    context: Device | None = None,
+    channel_axis: int | None = None,
+    full_scale: float | None = None,
 ) -> tuple[str, tuple[int, int] | None]:
     """Find from pairs whether light leaves the sensor, and the grid that serves.
 
@@ -263,7 +278,7 @@ def find_boundary(
         >>> fitter = hadalens.Fitter(distances, raw_size, boundary=boundary, grid=grid)
 
     """
-    data = as_dataset(pairs, channel_axis)
+    data = as_dataset(pairs, channel_axis, full_scale=full_scale)
     monitor = Monitor(None)
     options = fit_options(monitor=monitor.options)
     monitored(monitor, data, lib.hada_fit_find_boundary, options.c, default(context)._c, data._c)

@@ -70,6 +70,8 @@ class Job:
     def wait(self, timeout: float | None = None) -> bool:
         """Wait for the end, for `timeout` seconds at most; return whether it has come. Ctrl-C is heard meanwhile."""
         left = float("inf") if timeout is None else timeout
+        if left != left:
+            raise errors.ArgumentError("timeout=nan is no time")
         while True:
             if busy(lib.hada_job_wait_for, self._owner.c, min(_HEARTBEAT, left)) >= lib.HADA_JOB_DONE:
                 return True

@@ -10,6 +10,7 @@ import glob
 import inspect
 import itertools
 import logging
+import math
 import numbers
 import os
 import re
@@ -185,7 +186,40 @@ def call(function: Callable[..., int], *arguments: Any) -> None:
 
 def path(name: str | os.PathLike[str]) -> bytes:
     """Return a path as C takes it."""
-    return os.fsencode(name)
+    encoded = os.fsencode(name)
+    if b"\0" in encoded:
+        raise errors.ArgumentError(f"{name!r} holds a NUL character, which no path does")
+    return encoded
+
+
+def paths(names: Any) -> list[Any]:
+    """Return C strings of some paths; one alone will do."""
+    several: Any = [names] if isinstance(names, str | bytes | os.PathLike) else names
+    return [ffi.new("char[]", path(name)) for name in several]
+
+
+def brief(thing: Any) -> str:
+    """Return what `repr` says, in a few characters."""
+    return " ".join(f"{thing!r:.60}".split())
+
+
+def two(given: Any, what: str, otherwise: tuple[Any, Any] = (None, None)) -> tuple[Any, Any]:
+    """Return two numbers, such as rows and columns; None stands for `otherwise`."""
+    if given is None:
+        return otherwise
+    try:
+        first, second = given
+    except (TypeError, ValueError):
+        raise TypeError(f"{what}={brief(given)}: two numbers are needed") from None
+    return first, second
+
+
+def ascending(distances_mm: Any) -> list[float]:
+    """Return distances in millimetres, checked as data sets' are."""
+    found = [float(distance) for distance in np.atleast_1d(distances_mm)]
+    if found != [0.0] and not all(0 < b - a < math.inf for a, b in itertools.pairwise([0.0, *found])):
+        raise errors.ArgumentError(f"distances_mm={found}: they are above 0 and ascend, near to far")
+    return found
 
 
 K = TypeVar("K")
@@ -328,6 +362,8 @@ class Options:
             value = value.c
         elif kind.kind == "pointer" and not isinstance(value, ffi.CData):
             value = self._pointed(kind, value)
+        elif isinstance(value, bool | np.bool_) and kind.cname == "int" and getattr(self.c, name) in (0, 1):
+            value = int(value)  # a flag, which is 0 or 1 as it comes; what counts is not
         elif kind.kind == "primitive":
             value = c_number(_NAMES.get(name, name), kind, value)
         setattr(self.c, name, value)
@@ -345,10 +381,11 @@ class Options:
 def c_number(name: str, kind: Any, value: Any) -> Any:
     """Return a number as a C member takes it."""
     whole = kind.cname not in ("double", "float")
-    if isinstance(value, bool | np.bool_ | Special):
+    if isinstance(value, Special):
         return int(value) if whole else float(value)
-    if not isinstance(value, numbers.Real) or (whole and not isinstance(value, numbers.Integral)):
-        raise TypeError(f"{name}={value!r}: a {'whole ' * whole}number is needed")
+    number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    if not number or (whole and not isinstance(value, numbers.Integral)):
+        raise TypeError(f"{name}={brief(value)}: a {'whole ' * whole}number is needed")
     try:
         return ffi.new(f"{kind.cname} *", checked(name, value))[0]
     except OverflowError:

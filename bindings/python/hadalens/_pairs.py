@@ -10,7 +10,7 @@ import numpy as np
 
 from . import errors
 from . import response as responses
-from ._arrays import Float32, Image, Mosaic, MosaicOfFiles, NewImage, address, as_array, copy_of, planes_first, to_float
+from ._arrays import Float32, Image, Mosaic, MosaicOfFiles, NewImage, address, copy_of, scale_of, taken
 from ._native import (
     AUTO,
     Caller,
@@ -18,11 +18,13 @@ from ._native import (
     Monitor,
     Options,
     Owner,
+    brief,
     call,
     ffi,
     keep_error,
     lib,
     path,
+    paths,
     span,
     text,
     value_of,
@@ -30,8 +32,8 @@ from ._native import (
 
 #: An image of a pair: an array, a TIFF or .npy file, or a function without arguments that returns an array.
 Source: TypeAlias = Any
-#: Pairs of arrays: {distance in mm: sequence of (raw, scene)}, or an iterable of (distance in mm, raw, scene).
-Pairs: TypeAlias = Mapping[float, Sequence[tuple[Source, Source]]] | Iterable[tuple[float, Source, Source]]
+#: Pairs of arrays: {distance in mm: (raw, scene) one after the other}, or an iterable of (distance in mm, raw, scene).
+Pairs: TypeAlias = Mapping[float, Iterable[tuple[Source, Source]]] | Iterable[tuple[float, Source, Source]]
 
 
 class Reader(Caller):
@@ -43,10 +45,16 @@ class Reader(Caller):
 
     monitor: Monitor | None = None
 
-    def __init__(self, depths: list[Sequence[tuple[Source, Source]]], channel_axis: int | None) -> None:
+    def __init__(
+        self,
+        depths: list[Sequence[tuple[Source, Source]]],
+        channel_axis: int | None,
+        full_scale: float | None,
+    ) -> None:
         super().__init__()
         self.depths = depths
         self.channel_axis = channel_axis
+        self.full_scale = scale_of(full_scale)
 
     def read(self, depth: int, pair: int) -> tuple[Float32, Float32]:
         try:
@@ -58,25 +66,32 @@ class Reader(Caller):
         return self._read(depth, pair)
 
     def _read(self, depth: int, pair: int) -> tuple[Float32, Float32]:
-        raw, scene = self.depths[depth][pair]
-        return self._image(raw, "raw"), self._image(scene, "scene")
+        images = self.depths[depth][pair]
+        if hasattr(images, "shape") or isinstance(images, str) or len(images) != 2:
+            raise TypeError(f"pair {pair} of depth {depth} is no (raw, scene), as those of list(zip(raws, scenes)) are")
+        return self._image(images[0], "raw", self.full_scale), self._image(images[1], "scene", None)
 
-    def _image(self, source: Source, what: str) -> Float32:
+    def _image(self, source: Source, what: str, full_scale: float | None) -> Float32:
         if isinstance(source, str | os.PathLike):
             if os.fspath(source).endswith(".npy"):
                 source = np.load(source)
             else:
-                return _load(source)
+                image = NewImage()
+                call(lib.hada_tiff_load, path(source), 0, image.c)
+                return _scaled(image.array(), source, full_scale)
         elif callable(source) and not hasattr(source, "__array_interface__"):
             source = source()
-        array = as_array(source, what)
-        return to_float(planes_first(array, self.channel_axis, what))
+        return taken(source, what, self.channel_axis, full_scale)
 
 
-def _load(name: str | os.PathLike[str]) -> Float32:
-    image = NewImage()
-    call(lib.hada_tiff_load, path(name), 0, image.c)
-    return image.array()
+def _scaled(image: Float32, name: str | os.PathLike[str], full_scale: float | None) -> Float32:
+    """Return what was read from a file, whose numbers are of this full scale."""
+    scale = scale_of(full_scale)
+    if scale is None:
+        return image
+    reader = Owner("hada_tiff_reader", lib.hada_tiff_close)
+    call(lib.hada_tiff_open, reader.pointer, path(name))
+    return image * np.float32(lib.hada_tiff_get_info(reader.c).scale / scale)
 
 
 def give_image(image: Any, array: Float32) -> int:
@@ -97,17 +112,50 @@ def py_dataset_read_pair(user: Any, depth: int, pair: int, raw: Any, scene: Any,
 
 
 def _options(
-    mosaic: MosaicOfFiles, downsample: int, flat_frame: Any, flat_dark: float | None, dark_frame: Any
+    mosaic: MosaicOfFiles,
+    downsample: int,
+    flat_frame: Any,
+    flat_dark: float | None,
+    dark_frame: Any,
+    full_scale: float | None = None,
 ) -> Options:
     options = Options(
         "hada_dataset_options", mosaic=mosaic, downsample=downsample, flat_dark=AUTO if flat_dark is None else flat_dark
     )
     for name, frame in (("flat_frame", flat_frame), ("dark_frame", dark_frame)):
         if frame is not None:
-            image = Image(frame, what=name)
+            image = Image(frame, what=name, full_scale=full_scale)
             options.kept.append(image)
             options.set(**{name: image.c})
     return options
+
+
+def _collected(pairs: Pairs) -> dict[float, Sequence[tuple[Source, Source]]]:
+    """Return the pairs of each distance, near to far."""
+    found: dict[float, Any] = {}
+    if isinstance(pairs, Mapping):
+        for key, some in pairs.items():
+            found[_distance(key)] = some if hasattr(some, "__len__") else list(some)
+    else:
+        for row in pairs:
+            if hasattr(row, "shape") or isinstance(row, str) or len(row) != 3:
+                raise TypeError(
+                    "pairs are {distance in mm: [(raw, scene), ...]}, such as {250.0: pairs}, or (distance in mm, raw, "
+                    f"scene) one after the other, not {brief(row)}"
+                )
+            found.setdefault(_distance(row[0]), []).append((row[1], row[2]))
+    if not found:
+        raise errors.DatasetError("there is no pair")
+    if len({f"{distance:g}" for distance in found}) < len(found):
+        raise errors.DatasetError(f"two distances are the same to six digits: {sorted(found)}")
+    return dict(sorted(found.items()))
+
+
+def _distance(given: Any) -> float:
+    try:
+        return float(given)
+    except (TypeError, ValueError):
+        raise TypeError(f"{brief(given)} is no distance: a number of millimetres is needed, such as 100.0") from None
 
 
 class Dataset(Handle):
@@ -127,6 +175,7 @@ class Dataset(Handle):
         flat_dark: dark level above which they are divided; None: each frame's and channel's own.
         dark_frame: what raw frames hold without the scenes' light, which is subtracted: an array like raw frames; None:
             nothing is.
+        full_scale: of raw frames, flat and dark frame, as for :meth:`Plan.run`; scenes have their types'.
 
     Example:
         >>> pairs = hadalens.Dataset({100.0: [(raw, scene), ...], 250.0: [...]})
@@ -146,28 +195,21 @@ class Dataset(Handle):
         flat_frame: Any = None,
         flat_dark: float | None = 0.0,
         dark_frame: Any = None,
+        full_scale: float | None = None,
     ) -> None:
         """Take the pairs; none is read yet."""
-        if not isinstance(pairs, Mapping):
-            collected: dict[float, list[tuple[Source, Source]]] = {}
-            for distance, raw, scene in pairs:
-                collected.setdefault(float(distance), []).append((raw, scene))
-            pairs = collected
-        distances = sorted(float(distance) for distance in pairs)
-        if not distances:
-            raise errors.DatasetError("there is no pair")
-        given = {float(distance): some for distance, some in pairs.items()}
-        self._reader: Reader | None = Reader([given[distance] for distance in distances], channel_axis)
+        given = _collected(pairs)
+        self._reader: Reader | None = Reader(list(given.values()), channel_axis, full_scale)
         owner = Owner("hada_dataset", lib.hada_dataset_destroy, self._reader)
         call(
             lib.hada_dataset_create,
             owner.pointer,
-            len(distances),
-            ffi.new("double[]", distances),
+            len(given),
+            ffi.new("double[]", list(given)),
             ffi.new("int[]", [len(some) for some in self._reader.depths]),
             lib.py_dataset_read_pair,
             self._reader.user,
-            _options(mosaic, downsample, flat_frame, flat_dark, dark_frame).c,
+            _options(mosaic, downsample, flat_frame, flat_dark, dark_frame, full_scale).c,
         )
         self._owner = owner
 
@@ -281,19 +323,23 @@ def as_dataset(
     channel_axis: int | None = None,
     mosaic: MosaicOfFiles = "auto",
     downsample: int = 1,
+    full_scale: float | None = None,
 ) -> Dataset:
     """Return a data set of what is given: one, a folder, or pairs."""
+    if full_scale is not None and isinstance(pairs, Dataset | str | os.PathLike):
+        raise errors.ArgumentError("full_scale is of arrays: a Dataset is told its own, and folders say theirs")
     if isinstance(pairs, Dataset):
         return pairs
     if isinstance(pairs, str | os.PathLike):
         return Dataset.scan(pairs, mosaic=mosaic, downsample=downsample)
-    return Dataset(
-        pairs, channel_axis=channel_axis, mosaic="none" if mosaic == "auto" else mosaic, downsample=downsample
-    )
+    pattern: Mosaic = "none" if mosaic == "auto" else mosaic
+    return Dataset(pairs, channel_axis=channel_axis, mosaic=pattern, downsample=downsample, full_scale=full_scale)
 
 
-def load_dark(name: str | os.PathLike[str]) -> tuple[Float32, float]:
+def load_dark(name: str | os.PathLike[str], *, full_scale: float | None = None) -> tuple[Float32, float]:
     """Return the mean over the pages of a TIFF file, (C, Y, X), and its mean: what a dark frame is taken from.
+
+    Numbers in the file are divided by `full_scale`; None: by what the file says.
 
     Example:
         >>> frame, level = hadalens.load_dark("dark.tif")
@@ -302,13 +348,16 @@ def load_dark(name: str | os.PathLike[str]) -> tuple[Float32, float]:
     """
     image, level = NewImage(), ffi.new("double *")
     call(lib.hada_dark_frame_load, image.c, level, path(name))
-    return image.array(), level[0]
+    dark = _scaled(image.array(), name, full_scale)
+    return dark, level[0] if full_scale is None else float(dark.mean(dtype=np.float64))
 
 
 def merge_exposures(
-    *frames: Any, mosaic: Mosaic = "none", channel_axis: int | None = None
+    *frames: Any, mosaic: Mosaic = "none", channel_axis: int | None = None, full_scale: float | None = None
 ) -> tuple[Float32, Float32, tuple[float, ...], float]:
     """Return one frame of exposures of the same scene, linear in light and in any order.
+
+    `channel_axis` and `full_scale` are as for :meth:`Plan.run`; what is returned is divided already.
 
     The frame (C, Y, X) is in the units of the shortest exposure. Its weights, which a plan takes as `pixel_weights`,
     are larger where longer exposures are not saturated and noise is lower; take ``weights**0.25`` where the plan finds
@@ -323,7 +372,7 @@ def merge_exposures(
         >>> result = hadalens.Plan(model, pixel_weights=weights, dark=dark).run(frame)
 
     """
-    images = Image(*frames, channel_axis=channel_axis)
+    images = Image(*frames, channel_axis=channel_axis, full_scale=full_scale)
     made, weights = NewImage(), NewImage()
     scales, dark = ffi.new("double[]", len(frames)), ffi.new("double *")
     pattern = value_of("hada_mosaic", mosaic, "mosaic")
@@ -341,9 +390,9 @@ def load_exposures(
 
     """
     made, weights = NewImage(), NewImage()
-    paths = [ffi.new("char[]", path(name)) for name in names]
+    files = paths(names)
     encoding = AUTO if frame_encoding is None else responses.number(frame_encoding)
     pattern = value_of("hada_mosaic", mosaic, "mosaic")
-    array = ffi.new("char *[]", paths)
-    call(lib.hada_exposures_load, made.c, weights.c, array, len(paths), encoding, pattern, ffi.NULL)
+    array = ffi.new("char *[]", files)
+    call(lib.hada_exposures_load, made.c, weights.c, array, len(files), encoding, pattern, ffi.NULL)
     return made.array(), weights.array()

@@ -7,8 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, TypedDict
 
+import numpy as np
+
 from . import errors
-from ._arrays import Image, Mosaic
+from ._arrays import Image, Mosaic, scale_of
 from ._native import Options, Special, lib, value_of
 
 Method: TypeAlias = Literal["wiener", "rl", "fista", "admm"]
@@ -81,9 +83,24 @@ class PlanOptions(TypedDict, total=False):
     queues: int | None
     downsample: int | None
     warm_start: bool
+    full_scale: float | None
+
+
+def indices(name: str, given: Any, depths: int) -> list[int]:
+    """Return indices of depths; a mask, true or false for each of all depths, stands for those where it is true."""
+    if isinstance(given, numbers.Integral | str):
+        raise TypeError(f"{name}={given!r}: a list of depths is needed, such as [0]")
+    found = list(given)
+    marks = [isinstance(one, bool | np.bool_) for one in found]
+    if not any(marks):
+        return found
+    if not all(marks) or len(marks) != depths:
+        raise errors.ArgumentError(f"{name}={found}: indices of depths, or one of True and False for each of {depths}")
+    return [index for index, one in enumerate(found) if one]
 
 
 def plan_options(
+    model_depths: int,
     *,
     depths: Sequence[int] | None = None,
     occupied: str | Sequence[int] = "auto",
@@ -94,12 +111,13 @@ def plan_options(
     classic: Classic | Method | None = None,
     skip: Iterable[Skip] | None = None,
     refine_tv: float | str | None = None,
+    full_scale: float | None = None,
     **others: Any,
 ) -> Options:
-    """Return hada_plan_options of what a plan takes."""
-    for name, given in (("depths", depths), ("occupied", occupied)):
-        if isinstance(given, numbers.Integral):
-            raise TypeError(f"{name}={given}: a list of depths is needed, such as [{given}]")
+    """Return hada_plan_options of what a plan for a model of so many depths takes."""
+    if depths is not None:
+        depths = indices("depths", depths, model_depths)
+    scale_of(full_scale)
     options = Options(
         "hada_plan_options",
         depths=depths,
@@ -108,11 +126,15 @@ def plan_options(
         refine_tv=Special(lib.HADA_REFINE_TV_FRAME) if refine_tv == "frame" else refine_tv,
         **others,
     )
-    _set_occupied(options, occupied)
-    _set_dark(options, dark)
+    if isinstance(occupied, str):
+        options.set(occupied=occupied)
+    else:
+        listed = indices("occupied", occupied, model_depths)
+        options.set(occupied="list", occupied_list=listed, occupied_count=len(listed))
+    _set_dark(options, dark, full_scale)
     for name, array in (("pixel_weights", pixel_weights), ("flat_frame", flat_frame)):
         if array is not None:
-            image = Image(array, what=name)
+            image = Image(array, what=name, full_scale=full_scale, light=name == "flat_frame")
             options.kept.append(image)
             options.set(**{name: image.c})
     if classic is not None:
@@ -122,24 +144,19 @@ def plan_options(
     return options
 
 
-def _set_occupied(options: Options, occupied: str | Sequence[int]) -> None:
-    if isinstance(occupied, str):
-        options.set(occupied=occupied)
-    else:
-        options.set(occupied="list", occupied_list=occupied, occupied_count=len(occupied))
-
-
-def _set_dark(options: Options, dark: Any) -> None:
+def _set_dark(options: Options, dark: Any, full_scale: float | None) -> None:
     if dark is None:
         return
     if isinstance(dark, str):
         options.set(dark=dark)
+    elif isinstance(dark, bool):
+        raise TypeError(f'dark={dark}: "auto", a level from 0 (nothing) to 1, or a dark frame is needed')
     elif isinstance(dark, numbers.Real):
         level = float(dark)
         if not 0 <= level <= 1:
             raise errors.ArgumentError(f"dark={dark} is not possible: a level is from 0 to 1, full scale being 1")
         options.set(dark="level", dark_level=level)
     else:
-        frame = Image(dark, what="dark")
+        frame = Image(dark, what="dark", full_scale=full_scale)
         options.kept.append(frame)
         options.set(dark="frame", dark_frame=frame.c)

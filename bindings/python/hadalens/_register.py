@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from . import errors
 from ._arrays import Float32, Image, NewImage
 from ._fit import monitored
-from ._native import Monitor, Options, Owner, Progress, call, ffi, lib, path, record
+from ._native import Monitor, Options, Owner, Progress, call, ffi, lib, path, record, two
 from ._pairs import Dataset, Pairs, as_dataset
 
 
@@ -42,6 +43,8 @@ class Registration:
     perspective_col: float = 0.0
 
     def _options(self) -> Options:
+        if not self.magnification > 0:
+            raise errors.ArgumentError(f"magnification={self.magnification} is not possible; it is above 0")
         return Options("hada_registration", **vars(self))
 
     def apply(self, scene: Any, size: tuple[int, int] | None = None, *, channel_axis: int | None = None) -> Float32:
@@ -54,7 +57,7 @@ class Registration:
 
         """
         given, made, options = Image(scene, what="scene", channel_axis=channel_axis), NewImage(), self._options()
-        rows, cols = size or self.size(given.arrays[0].shape[1], given.arrays[0].shape[2])
+        rows, cols = two(size, "size", self.size(*given.arrays[0].shape[1:]))
         call(lib.hada_register_apply, made.c, given.c, options.c, rows, cols)
         return made.array()
 
@@ -66,7 +69,7 @@ class Registration:
 
 
 def _task(magnification: tuple[float, float] | None, most_rotation_deg: float | None, **others: Any) -> Options:
-    least, most = magnification or (None, None)
+    least, most = two(magnification, "magnification")
     return Options(
         "hada_register_task",
         least_magnification=least,
@@ -83,6 +86,7 @@ def register(
     magnification: tuple[float, float] | None = None,
     most_rotation_deg: float | None = None,
     channel_axis: int | None = None,
+    full_scale: float | None = None,
 ) -> Registration:
     """Find how the scenes of one depth stand on the sensor, from two pairs or more.
 
@@ -92,6 +96,7 @@ def register(
         magnification: least and most that are searched; None: chosen.
         most_rotation_deg: to either side of the quarter turns; None: 15.
         channel_axis: of arrays of three axes; None: the first.
+        full_scale: of `raws`, as for :meth:`Plan.run`.
 
     Raises:
         DatasetError: the pairs do not tell.
@@ -102,7 +107,7 @@ def register(
         >>> registered = [found.apply(scene) for scene in scenes]
 
     """
-    data = Dataset({1.0: list(zip(raws, scenes, strict=True))}, channel_axis=channel_axis)
+    data = Dataset({1.0: list(zip(raws, scenes, strict=True))}, channel_axis=channel_axis, full_scale=full_scale)
     return register_dataset(data, magnification=magnification, most_rotation_deg=most_rotation_deg)[0].found
 
 
@@ -152,7 +157,7 @@ def register_dataset(
 
     """
     monitor, data = Monitor(progress), as_dataset(data)
-    rows, cols = window or (None, None)
+    rows, cols = two(window, "window")
     task = _task(
         magnification,
         most_rotation_deg,

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._arrays import Float32, Image, Mosaic, NewImage, as_array, planes_first, to_float
-from ._native import call, ffi, lib, value_of
+from ._arrays import Float32, Image, Mosaic, NewImage, taken
+from ._native import call, checked, ffi, lib, value_of
 
 
 def procedural_scene(rows: int, cols: int, *, channels: int = 3, seed: int = 0) -> Float32:
@@ -33,6 +33,7 @@ def downsample(
     mosaic: Mosaic = "none",
     keep_saturated: bool = False,
     channel_axis: int | None = None,
+    full_scale: float | None = None,
 ) -> Float32:
     """Return an image whose pixels are the means of factor x factor pixels, (C, Y, X).
 
@@ -43,15 +44,16 @@ def downsample(
         keep_saturated: for raw frames: where values of a channel are cut off at its largest one, bins that hold such a
             value get it, so that they are still known to be saturated.
         channel_axis: of three axes; None: the first.
+        full_scale: as for :meth:`Plan.run`.
 
     Example:
         >>> hadalens.downsample(np.ones((480, 640)), 4).shape
         (1, 120, 160)
 
     """
-    taken, made = Image(image, channel_axis=channel_axis), NewImage()
+    given, made = Image(image, channel_axis=channel_axis, full_scale=full_scale), NewImage()
     pattern = value_of("hada_mosaic", mosaic, "mosaic")
-    call(lib.hada_image_downsample, made.c, taken.c, factor, pattern, keep_saturated)
+    call(lib.hada_image_downsample, made.c, given.c, factor, pattern, keep_saturated)
     return made.array()
 
 
@@ -97,7 +99,6 @@ def relief(
 
 def add_noise(image: Any, sigma: float, *, seed: int = 0, channel_axis: int | None = None) -> Float32:
     """Return an image with Gaussian noise of standard deviation `sigma`."""
-    copy = np.array(to_float(planes_first(as_array(image, "image"), channel_axis, "image")), copy=True)
-    noisy = Image(copy)
-    lib.hada_image_add_noise(noisy.c, sigma, seed)
+    noisy = Image(np.array(taken(image, "image", channel_axis), copy=True))
+    lib.hada_image_add_noise(noisy.c, checked("sigma", sigma), seed)
     return noisy.arrays[0]

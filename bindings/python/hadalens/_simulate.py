@@ -11,7 +11,7 @@ import numpy as np
 
 from . import errors
 from . import response as responses
-from ._arrays import Float32, Image, Mosaic, NewImage, as_array, planes_first, to_float
+from ._arrays import Float32, Image, Mosaic, NewImage, taken
 from ._camera import Camera
 from ._native import (
     Handle,
@@ -164,7 +164,7 @@ class Simulator(Handle):
     ) -> Float32:
         """Return the frame (C, Y, X) of surfaces, each an image and its distances (Y, X) in mm; NaN: nothing there."""
         images = Image(*(image for image, _ in surfaces), what="surfaces")
-        maps = Image(*(distances for _, distances in surfaces), what="distances")
+        maps = Image(*(distances for _, distances in surfaces), what="distances", light=False)
         given = ffi.new("hada_relief[]", [(images.c + i, maps.c + i) for i in range(len(surfaces))])
         frame = NewImage()
         call(lib.hada_simulator_render_reliefs, self._c, given, len(surfaces), opaque, noise, seed, frame.c)
@@ -172,8 +172,7 @@ class Simulator(Handle):
 
     def expose(self, frame: Any, sensor: Sensor, *, seed: int = 0, channel_axis: int | None = None) -> Float32:
         """Return what a sensor makes of a frame of light (C, Y, X)."""
-        copy = np.array(to_float(planes_first(as_array(frame, "frame"), channel_axis, "frame")), copy=True)
-        image = Image(copy)
+        image = Image(np.array(taken(frame, "frame", channel_axis), copy=True))
         call(lib.hada_simulator_expose, self._c, sensor._options().c, seed, image.c)
         return image.arrays[0]
 

@@ -90,6 +90,7 @@ def train(
     keep: Literal["auto", "best", "last"] = "auto",
     tell: Callable[[TrainState], None] | None = None,
     channel_axis: int | None = None,
+    full_scale: float | None = None,
     progress: Progress | bool | None = None,
     **options: Unpack[TrainOptions],
 ) -> Path:
@@ -111,6 +112,7 @@ def train(
         keep: which parameters are written.
         tell: called with a :class:`TrainState`.
         channel_axis: of arrays of three axes; None: the first.
+        full_scale: of raw frames, as of :func:`fit`.
         progress: a function (what, done, total, note), or True for tqdm's bars.
 
     Returns:
@@ -124,7 +126,7 @@ def train(
         >>> better = hadalens.Model.load(file)
 
     """
-    data = as_dataset(pairs, channel_axis)
+    data = as_dataset(pairs, channel_axis, full_scale=full_scale)
     used = contexts(context)
     given = None if model is None else as_model(model)
     monitor = _TrainMonitor(progress, tell)

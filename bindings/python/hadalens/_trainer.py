@@ -17,6 +17,7 @@ from ._native import (
     check_names,
     ffi,
     lib,
+    path,
     record,
     value_of,
     word,
@@ -142,6 +143,7 @@ class Trainer(Handle):
         context: a device, or several that share the pairs of a step; None: :meth:`Context.default`.
         net: a preset ("compact", "paper") or a :class:`Net` to begin with, in place of the model's.
         augment: changes of the pairs.
+        channel_axis, full_scale: as of :func:`fit`.
         options: steps, batch, rate, seed and the other members of hada_train_options (hadalens/train.h) by their
             names; words for its enumerations.
 
@@ -165,12 +167,14 @@ class Trainer(Handle):
         net: Net | Literal["compact", "paper"] | None = None,
         augment: Augment | None = None,
         channel_axis: int | None = None,
+        full_scale: float | None = None,
         **options: Unpack[TrainOptions],
     ) -> None:
         """Make the trainer, at step 0."""
         chosen = train_options(stage, augment, net, options)
         model, used = as_model(model), contexts(context)
-        self._data = [as_dataset(data, channel_axis) for data in (pairs, held_out) if data is not None]
+        given = [data for data in (pairs, held_out) if data is not None]
+        self._data = [as_dataset(data, channel_axis, full_scale=full_scale) for data in given]
         kept = ([one._own for one in used], model._own, [data._own for data in self._data])
         owner = Owner("hada_trainer", lib.hada_trainer_destroy, *kept)
         array = ffi.new("hada_context *[]", [one._c for one in used])
@@ -294,7 +298,7 @@ class Trainer(Handle):
 
     def save(self, name: str | os.PathLike[str]) -> Path:
         """Write a checkpoint: everything that going on with the same bits needs. Returns its path."""
-        call(lib.hada_trainer_save, self._c, os.fsencode(name))
+        call(lib.hada_trainer_save, self._c, path(name))
         return Path(name)
 
     def load(self, name: str | os.PathLike[str]) -> Self:
@@ -304,5 +308,5 @@ class Trainer(Handle):
             ModelError: model, stage, nets, rule, seed or batch differ; the message says which.
 
         """
-        call(lib.hada_trainer_load, self._c, os.fsencode(name))
+        call(lib.hada_trainer_load, self._c, path(name))
         return self

@@ -16,9 +16,10 @@ from typing import Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from . import errors
 from ._files import extra
 from ._native import check_names
-from ._plan_options import PlanOptions
+from ._plan_options import PlanOptions, indices
 from .device import Context
 from .model import Model, as_model
 from .plan import Plan
@@ -57,7 +58,6 @@ def reconstruct(
     model: Model | str | os.PathLike[str],
     *,
     channel_axis: int | None = None,
-    full_scale: float | None = None,
     devices: str | Sequence[str] | None = None,
     **options: Unpack[PlanOptions],
 ) -> Frames:
@@ -72,14 +72,13 @@ def reconstruct(
             channel_axis=-1 (T, Y, X, C). Chunks along other axes than the first are put together.
         model: the camera; sent once to each worker.
         channel_axis: of a frame, where the channels do not stand first.
-        full_scale: as for :meth:`hadalens.Plan.run`.
         devices: which device a worker uses, as :class:`hadalens.Context` takes it: one for all, or a list that is dealt
             out by the workers' numbers ("0:1/2", "0:2/2": two workers share a CPU). None: what the environment of each
             worker says (HADALENS_DEVICE), else what the library chooses there.
-        options: of :class:`hadalens.Plan`.
+        options: of :class:`hadalens.Plan`, but for `warm_start`, which needs frames in their order.
 
     Raises:
-        ValueError: `frames` are not frames.
+        ValueError: `frames` are not frames, or frames would depend on those before them.
         HadalensError: when computed, as :meth:`hadalens.Plan.run`.
 
     Example:
@@ -89,6 +88,8 @@ def reconstruct(
 
     """
     check_names(options, PlanOptions.__annotations__, "hadalens.dask.reconstruct")
+    if options.get("warm_start"):
+        raise errors.ArgumentError("warm_start=True: blocks are done in any order; Plan.map takes frames in theirs")
     model = as_model(model)
     array = da.asarray(frames)
     if array.ndim not in (3, 4) or not array.shape[0]:
@@ -97,7 +98,9 @@ def reconstruct(
     info = model.info
     if info.refine_tv < 0 and options.get("refine_tv") is None:
         options["refine_tv"] = "frame"  # a weight that is kept would go by the order in which blocks are done
-    distances = tuple(info.distances_mm[z] for z in options.get("depths") or range(info.depths))
+    depths = options.get("depths")
+    options["depths"] = None if depths is None else indices("depths", depths, info.depths)
+    distances = tuple(info.distances_mm[z] for z in options["depths"] or range(info.depths))
     window = (info.channels, info.window_rows, info.window_cols)
     # The plan's key says all that it depends on: the same call again finds its plan.
     key = tokenize(model.__reduce__(), options)
@@ -106,7 +109,9 @@ def reconstruct(
     parts: dict[str, list[Any]] = {"stack": [], "all_in_focus": [], "distance_map": []}
     shapes = {"stack": (len(distances), *window), "all_in_focus": window, "distance_map": window[1:]}
     for block, count in zip(array.to_delayed().ravel(), array.chunks[0], strict=True):
-        done = work(block, camera, channel_axis, full_scale)
+        if not count:
+            continue
+        done = work(block, camera, channel_axis)
         for name, shape in shapes.items():
             parts[name].append(da.from_delayed(done[name], (count, *shape), np.float32))
     return Frames(**{name: da.concatenate(blocks) for name, blocks in parts.items()}, distances_mm=distances)
@@ -122,12 +127,10 @@ class _Camera:
     devices: str | Sequence[str] | None
 
 
-def _reconstruct(
-    frames: Any, camera: _Camera, channel_axis: int | None, full_scale: float | None
-) -> dict[str, npt.NDArray[Any]]:
+def _reconstruct(frames: Any, camera: _Camera, channel_axis: int | None) -> dict[str, npt.NDArray[Any]]:
     """Reconstruct a block of frames, on a worker."""
     plan = _plan(camera)
-    results = list(plan.map(frames, channel_axis=channel_axis, full_scale=full_scale))
+    results = list(plan.map(frames, channel_axis=channel_axis))
     return {
         name: np.stack([getattr(one, name) for one in results]) for name in ("stack", "all_in_focus", "distance_map")
     }

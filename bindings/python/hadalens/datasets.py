@@ -351,6 +351,7 @@ def write_folder(
     *,
     names: Iterable[str] | None = None,
     channel_axis: int | None = None,
+    full_scale: float | None = None,
 ) -> Path:
     """Write pairs as the folders of TIFF files that ``hadalens fit`` and :func:`hadalens.fit` read.
 
@@ -363,6 +364,7 @@ def write_folder(
         folder: the data set, made where it is not there.
         distance_mm: where the scenes stood.
         channel_axis: where the channels stand, where that is not first.
+        full_scale: of the raw frames, as for :meth:`hadalens.Plan.run`.
         names: a name for each pair, without ending. Without it, the names of :class:`Pairs`, else numbers.
 
     Returns:
@@ -389,8 +391,8 @@ def write_folder(
     for (raw, scene), name in zip(pairs, names, strict=strict):
         raws.mkdir(parents=True, exist_ok=True)
         scenes.mkdir(parents=True, exist_ok=True)
-        for image, where, what in ((raw, raws, "raw"), (scene, scenes, "scene")):
-            _write(where / f"{name}.tif", Image(image, what=what, channel_axis=channel_axis))
+        for image, where, what, scale in ((raw, raws, "raw", full_scale), (scene, scenes, "scene", None)):
+            _write(where / f"{name}.tif", Image(image, what=what, channel_axis=channel_axis, full_scale=scale))
         count += 1
     if not count:
         raise ValueError("there is no pair to write")

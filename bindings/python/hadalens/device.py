@@ -271,7 +271,7 @@ def default(context: Device | None) -> Context:
     """Return the context, that of a device's name, or the process's own."""
     if context is None or isinstance(context, str):
         return Context._of(context)
-    return expect(context, Context, "context", "or a device's name")
+    return expect(context, Context, "context", "or a device's name, such as 'gpu' or '0',")
 
 
 def contexts(given: Device | Sequence[Device] | None) -> list[Context]:

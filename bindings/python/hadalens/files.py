@@ -20,6 +20,7 @@ from ._native import (
     Options,
     Owner,
     Progress,
+    ascending,
     call,
     checked,
     expect,
@@ -28,6 +29,7 @@ from ._native import (
     lib,
     named,
     path,
+    paths,
     record,
     text,
 )
@@ -182,15 +184,16 @@ def write_tiff(
     array = as_array(frames, "frames")
     several = array if array.ndim == 4 else array[np.newaxis]
     images = Image(*several, what="frames", channel_axis=channel_axis)
-    if distances_mm is not None and len(distances_mm) != len(images.arrays):
-        raise errors.SizeError(f"{len(distances_mm)} distances for {len(images.arrays)} frames")
+    distances = None if distances_mm is None else ascending(distances_mm)
+    if distances is not None and len(distances) != len(images.arrays):
+        raise errors.SizeError(f"{len(distances)} distances for {len(images.arrays)} frames")
     options = Options(
         "hada_tiff_write_options",
         bits=bits,
-        layout="hyperstack" if hyperstack or distances_mm is not None else "pages",
+        layout="hyperstack" if hyperstack or distances is not None else "pages",
         slices=len(images.arrays),
         times=1,
-        distances_mm=distances_mm,
+        distances_mm=distances,
         pixel_um=pixel_um,
         scale=scale,
         description=description,
@@ -268,7 +271,7 @@ def py_files_task_tell(user: Any, state: Any) -> None:
 @named
 def reconstruct_files(
     plan: Plan,
-    files: Sequence[str | os.PathLike[str]],
+    files: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
     output: str | os.PathLike[str],
     *,
     preview: bool = True,
@@ -314,7 +317,8 @@ def reconstruct_files(
         resume: files whose results stand in the folder are passed over, whatever made them.
         match: whether the camera belongs to the first frame, or to the first one of each file, is in the results, and
             logged where it does not (:meth:`Plan.match`).
-        frame: in place of what the only file holds, such as that of :func:`hadalens.merge_exposures`.
+        frame: in place of what the only file holds, such as that of :func:`hadalens.merge_exposures`; as for
+            :meth:`Plan.run`.
         tell: called with path and frame number as frames are done.
         progress: a function, or True for tqdm's bars.
 
@@ -347,10 +351,10 @@ def reconstruct_files(
         monitor=monitor.options,
     )
     if frame is not None:
-        image = Image(frame, what="frame")
+        image = Image(frame, what="frame", full_scale=plan._full_scale)
         task.kept.append(image)
         task.set(frame=image.c)
-    names = [ffi.new("char[]", path(name)) for name in files]
+    names = paths(files)
     array = ffi.new("char *[]", names)
     monitor.run(lib.hada_reconstruct_files, plan._c, plan.model._c, array, len(names), task.c, ffi.NULL)
     return monitor.results
@@ -376,11 +380,12 @@ class Pace:
 
 def find_pace(
     model: Model | str | os.PathLike[str],
-    files: Sequence[str | os.PathLike[str]],
+    files: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
     fps: float,
     *,
     context: Device | Sequence[Device] | None = None,
     frame_encoding: float | str | None = None,
+    progress: Progress | bool | None = None,
     **options: Unpack[PlanOptions],
 ) -> Pace:
     """Return how many steps of refinement keep up with so many frames a second, by the first five of some files.
@@ -393,6 +398,7 @@ def find_pace(
         fps: frames a second.
         context: the device, or several.
         frame_encoding: how the frames stand for light; None: as their files say, else as the model knows.
+        progress: a function, or True for tqdm's bars.
         options: those of :class:`Plan`; of `refine`, fewer are tried.
 
     Example:
@@ -401,14 +407,17 @@ def find_pace(
 
     """
     own, used = as_model(model), contexts(context)
+    monitor = Monitor(progress)
     task = Options(
-        "hada_files_task", frame_encoding=None if frame_encoding is None else responses.number(frame_encoding)
+        "hada_files_task",
+        frame_encoding=None if frame_encoding is None else responses.number(frame_encoding),
+        monitor=monitor.options,
     )
     pace = ffi.new("hada_pace *", {"size": ffi.sizeof("hada_pace")})
-    names = [ffi.new("char[]", path(name)) for name in files]
+    names = paths(files)
     devices, array = ffi.new("hada_context *[]", [one._c for one in used]), ffi.new("char *[]", names)
-    plan = plan_options(**options)
-    call(lib.hada_files_pace, pace, devices, len(used), own._c, plan.c, array, len(names), task.c, fps)
+    plan = plan_options(own.info.depths, **options)
+    monitor.run(lib.hada_files_pace, pace, devices, len(used), own._c, plan.c, array, len(names), task.c, fps)
     steps = None if pace.steps == AUTO else pace.steps
     return Pace(steps, pace.seconds, pace.seconds_whole, pace.change)
 
@@ -426,12 +435,13 @@ def save_preview(
     title: str | None = None,
     gamma: float | None = None,
     channel_axis: int | None = None,
+    full_scale: float | None = None,
 ) -> Path:
     """Draw a sheet (PNG) of a result: all-in-focus image, distance map with its scale, and the stack.
 
     Of a volume maximum projections, grey and coloured by distance, in place of the first two.
 
-    Of a single depth the first alone, which shows it. `channel_axis` is the raw frame's.
+    Of a single depth the first alone, which shows it. `channel_axis` and `full_scale` are the raw frame's.
 
     Raises:
         UnsupportedError: there is no cairo.
@@ -439,7 +449,7 @@ def save_preview(
     """
     images = Image(*result.stack, what="stack")
     others = Image(result.all_in_focus, result.distance_map, what="result")
-    frame = None if raw is None else Image(raw, what="raw", channel_axis=channel_axis)
+    frame = None if raw is None else Image(raw, what="raw", channel_axis=channel_axis, full_scale=full_scale)
     several, volume = len(images.arrays) > 1, result.report.scene == "volume"
     options = Options(
         "hada_preview",

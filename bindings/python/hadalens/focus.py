@@ -53,6 +53,8 @@ def focus_stack(
     images = Image(*stack, what="stack", channel_axis=channel_axis)
     if len(images.arrays) != len(distances_mm):
         raise errors.SizeError(f"{len(images.arrays)} planes and {len(distances_mm)} distances")
+    if competing is not None and len(competing) != len(distances_mm):
+        raise errors.SizeError(f"competing has {len(competing)} marks for {len(distances_mm)} planes")
     options = Options("hada_focus_options", int(shared))
     options.set(measure=measure, fuse=fuse, window_sigma=window_sigma, false_alarm=false_alarm)
     made = NewImage(2)

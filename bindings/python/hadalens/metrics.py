@@ -168,7 +168,7 @@ def depth(
         mask: pixels that count.
 
     """
-    images = Image(distance_map, truth)
+    images = Image(distance_map, truth, light=False)
     out = ffi.new("hada_depth_score *", {"size": ffi.sizeof("hada_depth_score")})
     marks = _Mask(mask, images)
     call(lib.hada_metric_depth, images.c, images.c + 1, *_distances(distances_mm), tolerance, marks.c, out)
@@ -179,7 +179,7 @@ def depth_confidence(
     distance_map: Any, truth: Any, confidence: Any, distances_mm: Floats | None = None, *, mask: Any = None
 ) -> ConfidenceScore:
     """Say how well a confidence map (Y, X) sorts the errors of a distance map."""
-    images = Image(distance_map, truth, confidence)
+    images = Image(distance_map, truth, confidence, light=False)
     out = ffi.new("hada_confidence_score *", {"size": ffi.sizeof("hada_confidence_score")})
     marks = _Mask(mask, images)
     call(
@@ -198,7 +198,7 @@ def depth_parts(
     truth: Any, distances_mm: Floats, *, jump_steps: float | None = None, reach_pixels: int | None = None
 ) -> npt.NDArray[np.uint8]:
     """Return what kind of place each pixel of a true map is, (Y, X): 0 no distance, 1 smooth, 2 a jump, 3 outside."""
-    image = Image(truth)
+    image = Image(truth, light=False)
     parts = np.empty(image.arrays[0].shape[1:], np.uint8)
     call(
         lib.hada_metric_depth_parts,
@@ -213,7 +213,7 @@ def depth_parts(
 
 def depth_nearer(truth: Any, second: Any, distance_map: Any, distances_mm: Floats | None = None) -> Float32:
     """Return, where two surfaces are seen through each other, the true distance (Y, X) that is nearer to the map's."""
-    images = Image(np.array(truth, np.float32), second, distance_map)
+    images = Image(np.array(truth, np.float32), second, distance_map, light=False)
     call(lib.hada_metric_depth_nearer, images.c, images.c + 1, images.c + 2, *_distances(distances_mm))
     return images.arrays[0].reshape(images.arrays[0].shape[1:])
 

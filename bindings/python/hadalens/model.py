@@ -19,6 +19,7 @@ from ._native import (
     Handle,
     Options,
     Owner,
+    ascending,
     call,
     doubles,
     expect,
@@ -30,6 +31,8 @@ from ._native import (
     record,
     saved,
     span,
+    text,
+    two,
     value_of,
 )
 from ._show import members, table
@@ -128,8 +131,9 @@ class Model(Handle):
 
     """
 
-    #: What the choices of the fit were made from; None for models that were loaded or made otherwise.
+    #: What the choices of the fit were made from, which copies and pickles keep; None for models that were loaded.
     fit_report: FitReport | None = None
+    _name: str | None = None  # of a model that was pickled: C has the name of a file that is gone
 
     def __init__(self) -> None:
         """Models come from load, from_psf, fit and Trainer."""
@@ -197,6 +201,7 @@ class Model(Handle):
         components: int | None = None,
         explained: float = 0.99,
         colour_matrix: npt.ArrayLike | None = None,
+        full_scale: float | None = None,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
 
@@ -231,6 +236,7 @@ class Model(Handle):
             explained: of their energy.
             colour_matrix: (3, 3), of each of the sensor's channels what it sees of the scenes' red, green and blue;
                 frames are brought to the scenes' colours. None: they have them.
+            full_scale: of the point spread functions, as for :meth:`Plan.run`.
 
         Raises:
             SizeError, ArgumentError: sizes or values do not fit.
@@ -239,20 +245,20 @@ class Model(Handle):
             >>> model = hadalens.Model.from_psf([psf], [250.0], dark=None)
 
         """
-        distances = np.atleast_1d(np.asarray(distances_mm, np.float64)).tolist()
+        distances = ascending(distances_mm)
         places = None
         if positions is not None:
             places = np.broadcast_to(np.asarray(positions, np.float64), (len(distances), *np.shape(positions)[-2:]))
             psfs = psfs if isinstance(psfs, list | tuple) else _flat(as_array(psfs, "psfs"), places.shape[:2])
         count = len(distances) * (1 if places is None else places.shape[1])
-        images = Image(*_each_psf(psfs, count), what="psf", channel_axis=channel_axis)
+        images = Image(*_each_psf(psfs, count), what="psf", channel_axis=channel_axis, full_scale=full_scale)
         if len(images.arrays) != count:
             raise errors.SizeError(
                 f"{len(images.arrays)} psfs, {len(distances)} distances and {count // len(distances)} position(s): one "
                 "psf for each"
             )
-        rows, cols = window or (None, None)
-        frame_rows, frame_cols = frame or (None, None)
+        rows, cols = two(window, "window")
+        frame_rows, frame_cols = two(frame, "frame")
         options = Options(
             "hada_psf_options",
             frame_rows=frame_rows,
@@ -327,7 +333,7 @@ class Model(Handle):
         values = np.ascontiguousarray(filters, np.complex64)
         if values.ndim != 4:
             raise errors.SizeError(f"filters have the shape {values.shape}: (Z, C, rows, columns // 2 + 1) is needed")
-        rows, cols = window or raw_size
+        rows, cols = two(window, "window", raw_size)
         sizes = Options(
             "hada_fit_options",
             depths=len(distances_mm),
@@ -381,7 +387,7 @@ class Model(Handle):
             components: of functions that vary over the field; None: chosen.
 
         """
-        rows, cols = window or (None, None)
+        rows, cols = two(window, "window")
         psf = Options("hada_psf_options", window_rows=rows, window_cols=cols, components=components)
         task = Options(
             "hada_psf_task",
@@ -491,7 +497,7 @@ class Model(Handle):
             ModelError: the net's channels are not the model's.
 
         """
-        rows, cols = size or (0, 0)
+        rows, cols = two(size, "size", (0, 0))
         pointer = ffi.NULL if net is None else net._c
         return Model._new(lib.hada_model_with_enhance, self._c, pointer, rows, cols)
 
@@ -502,6 +508,7 @@ class Model(Handle):
         return record(
             ModelInfo,
             struct,
+            name=text(struct.name) if self._name is None else self._name,
             regularisation=getattr(struct, "lambda"),
             distances_mm=tuple(struct.distances_mm[z] for z in range(struct.depths)),
             colour_matrix=_rows(struct.colour_matrix),
@@ -522,8 +529,17 @@ class Model(Handle):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Models can be pickled, as the bytes of their file."""
-        name = Path(self.info.name).name or "model"
-        return loaded, (Model, saved(self, name), name)
+        return _restored, (saved(self), self.info.name, self.fit_report)
+
+    def __copy__(self) -> Model:
+        """Copies share what does not change."""
+        copy = Model._of(self._own)
+        copy.fit_report, copy._name = self.fit_report, self._name
+        return copy
+
+    def __deepcopy__(self, _: Any) -> Model:
+        """Copies share what does not change."""
+        return self.__copy__()
 
     def _shown(self) -> str:
         info = self.info
@@ -534,6 +550,12 @@ class Model(Handle):
 
     def _repr_html_(self) -> str:
         return table(repr(self), [] if self._owner is None else members(self.info))
+
+
+def _restored(content: bytes, name: str, report: FitReport | None) -> Model:
+    model: Model = loaded(Model, content, Path(name).name or "model")
+    model._name, model.fit_report = name, report
+    return model
 
 
 def _flat(array: npt.NDArray[Any], places: tuple[int, int]) -> list[npt.NDArray[Any]]:

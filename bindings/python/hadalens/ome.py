@@ -80,7 +80,8 @@ def even_planes(
     """Return planes (Z, ...) at equal steps, and their distances.
 
     The step is the smallest one between neighbours, or slightly less, so that the first and last plane keep their
-    distances. "nearest" repeats planes, "linear" blends the two neighbours.
+    distances. "nearest" repeats planes, "linear" blends the two neighbours. Each plane keeps its brightness, so that
+    the sum of all planes grows about as their number.
 
     Raises:
         ValueError: more than 1000 planes would be needed.
@@ -155,6 +156,8 @@ class OmeZarrWriter:
         self.path = Path(path)
         if self.path.exists() and not overwrite:
             raise FileExistsError(f"{path} is there already: give it another name, or overwrite=True")
+        if self.path.exists() and (self.path.is_symlink() or not self.path.is_dir()):
+            raise FileExistsError(f"{path} is no folder, as OME-Zarr is: remove it, or give another name")
         self.times = 0
         if resample not in ("none", "nearest", "linear"):
             raise ValueError(f'resample is "none", "nearest" or "linear", not {resample!r}')

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ._arrays import Float32, Image, NewImage
 from ._camera import Camera
-from ._native import AUTO, Handle, Monitor, Options, Owner, Progress, call, checked, ffi, lib, path, record, span
+from ._native import AUTO, Handle, Monitor, Options, Owner, Progress, call, checked, ffi, lib, path, record, span, two
 from ._show import members, table
 from .device import Device, default
 
@@ -57,7 +57,7 @@ class Wave(Handle):
     def psf(self, distance_mm: float, size: tuple[int, int] | None = None) -> Float32:
         """Return the point spread function (C, Y, X) at a distance, the axis at (rows // 2, columns // 2)."""
         image = NewImage()
-        call(lib.hada_wave_psf, self._c, distance_mm, *(size or self._size), image.c)
+        call(lib.hada_wave_psf, self._c, distance_mm, *two(size, "size", self._size), image.c)
         return image.array()
 
 

@@ -87,8 +87,8 @@ class Plan(Handle):
     Args:
         model: the camera, or its file.
         context: a device, by its name as well, or several that share the frames; None: :meth:`Context.default`.
-        depths: indices of the depths to compute, ascending; None: all.
-        occupied: depths where the scene may be: "auto" (found for each frame), "all", or their indices.
+        depths: indices of the depths to compute, ascending, or a mask of all depths; None: all.
+        occupied: depths where the scene may be: "auto" (found for each frame), "all", their indices, or a mask.
         scene: what scenes are taken for: "auto", "planes" (objects at some depths), "surface" (one texture on one
             continuous surface, anywhere between the depths) or "volume" (light at all depths, such as emitters).
         refine: steps of refinement; None: the model's, 0: linear filters alone.
@@ -123,6 +123,8 @@ class Plan(Handle):
         queues: frames in flight on each device; None: 1.
         warm_start: frames are a sequence, in the order in which they are given: each one's refinement goes on from the
             one before, unless too much changed. One queue of the first device does it.
+        full_scale: what frames, and arrays for `dark` and `flat_frame`, are divided by, such as 4095 for 12 bits in
+            uint16, floats as well; None: integers by their type's full scale, floats by nothing.
 
     Raises:
         ModelError, ArgumentError: options that do not fit the model, or are not possible.
@@ -167,9 +169,13 @@ class Plan(Handle):
         queues: int | None = None,
         downsample: int | None = None,
         warm_start: bool = False,
+        full_scale: float | None = None,
     ) -> None:
         """Make the plan: memory on the device is taken, kernels are compiled or loaded."""
+        model = as_model(model)
+        info = model.info
         options = plan_options(
+            info.depths,
             depths=depths,
             occupied=occupied,
             scene=scene,
@@ -195,16 +201,17 @@ class Plan(Handle):
             queues=queues,
             downsample=downsample,
             warm_start=warm_start,
+            full_scale=full_scale,
         )
-        model, used = as_model(model), contexts(context)
+        used = contexts(context)
         owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in used], model._own)
         array = ffi.new("hada_context *[]", [one._c for one in used])
         call(lib.hada_plan_create_on, owner.pointer, array, len(used), model._c, options.c)
         self._owner = owner
         self._same = 0
         self.model = model
-        info = model.info
-        self._planes = info.depths if depths is None else len(depths)
+        self._full_scale = full_scale
+        self._planes = info.depths if depths is None else int(options.c.depth_count)
         self._frame = (info.channels, info.raw_rows, info.raw_cols)
         self._window = (info.channels, info.window_rows, info.window_cols)
 
@@ -233,6 +240,9 @@ class Plan(Handle):
         stack = np.empty(shape, np.float32) if out is None else check_out(out, shape, "out")
         return Results(stack, np.empty(shape[1:], np.float32), np.empty(shape[2:], np.float32))
 
+    def _pixels(self, raw: Any, channel_axis: int | None, full_scale: float | None, copy: bool = False) -> Pixels:
+        return Pixels(raw, channel_axis, self._full_scale if full_scale is None else full_scale, copy=copy)
+
     def run(
         self,
         raw: Any,
@@ -252,7 +262,8 @@ class Plan(Handle):
                 frame, whose arrays are used again; None: new arrays. A ``pyopencl`` array or buffer on the plan's
                 device gets the stack as well, without a way over the host.
             channel_axis: where the channels stand; None: first.
-            full_scale: of integers, such as 4095 for 12 bits in uint16; None: the type's.
+            full_scale: what values are divided by, such as 4095 for 12 bits in uint16, floats as well; None: the
+                plan's, else integers by their type's.
 
         Raises:
             TypeError: no array, or of another dtype.
@@ -306,9 +317,11 @@ class Plan(Handle):
         results = self._results(out)
         buffer = _device_buffer(raw, self._frame, "raw")
         if buffer is not None:
+            if full_scale is not None or self._full_scale is not None:
+                raise errors.ArgumentError("full_scale is of arrays on the host: divide those on the device before")
             frame = Options("hada_cl_frame", pixels=buffer[0], offset=buffer[1], queue=buffer[2])
             return Job(self._own, lib.hada_job_submit_cl, frame.c, results, (raw, frame))
-        pixels = Pixels(raw, channel_axis, full_scale, copy=copy)
+        pixels = self._pixels(raw, channel_axis, full_scale, copy)
         return Job(self._own, lib.hada_job_submit_pixels, pixels.c, results, pixels)
 
     def map(
@@ -356,7 +369,7 @@ class Plan(Handle):
             ...     print("another camera, or its point spread function lies another way")
 
         """
-        pixels = Pixels(raw, channel_axis, full_scale)
+        pixels = self._pixels(raw, channel_axis, full_scale)
         match = ffi.new("hada_match *", {"size": ffi.sizeof("hada_match")})
         call(lib.hada_plan_match, self._c, pixels.c, match)
         return record(Match, match)
@@ -375,7 +388,7 @@ class Plan(Handle):
             >>> found["z"][found["amplitude"] > 2]
 
         """
-        results, pixels = self._results(None), Pixels(raw, channel_axis, full_scale)
+        results, pixels = self._results(None), self._pixels(raw, channel_axis, full_scale)
         job = Job(self._own, lib.hada_job_submit_pixels, pixels.c, results, pixels)
         try:
             job.result()
@@ -399,7 +412,8 @@ class Plan(Handle):
         """
         device, host = ffi.new("uint64_t *"), ffi.new("uint64_t *")
         check_names(options, PlanOptions.__annotations__, "Plan.estimate")
-        chosen, model = plan_options(**options), as_model(model)
+        model = as_model(model)
+        chosen = plan_options(model.info.depths, **options)
         call(lib.hada_plan_estimate, default(context)._c, model._c, chosen.c, device, host)
         return int(device[0]), int(host[0])
 
@@ -489,6 +503,8 @@ def track_emitters(
     names = [name for name, _ in ffi.typeof("hada_emitter").fields]
     rows: list[tuple[float, ...]] = []
     for number, frame in enumerate(frames):
+        if not isinstance(frame, np.ndarray) or not set(names) <= set(frame.dtype.names or ()):
+            raise TypeError(f"frame {number} is no table of Plan.emitters; frames are several of them")
         emitters = ffi.new("hada_emitter[]", [{name: float(one[name]) for name in names} for one in frame])
         pointers = ffi.new("hada_emitter *[]", [emitters + i for i in range(len(frame))])
         tracks = ffi.new("int[]", len(frame))

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import Float32, address, as_array
+from . import errors
+from ._arrays import Float32, address, as_array, to_float
 from ._native import Special, call, ffi, lib, text
 
 __all__ = [
@@ -62,29 +63,33 @@ def is_known(response: float) -> bool:
     return bool(lib.hada_response_is_known(response))
 
 
-def convert(values: Any, source: float | str, target: float | str) -> Float32:
+def convert(values: Any, source: float | str, target: float | str, *, full_scale: float | None = None) -> Float32:
     """Return a copy of values, float32, in another encoding.
 
     Args:
-        values: an array of any shape; dtypes as for :meth:`Plan.run`, integers being taken as they are.
-        source: the response of the values.
+        values: an array of any shape; dtypes as for :meth:`Plan.run`, integers being divided by their full scale.
+        source: the response of the values; one that is known, not "auto".
         target: the response wanted.
+        full_scale: as for :meth:`Plan.run`.
 
     Example:
-        >>> light = hadalens.response.convert(photograph / 255, "srgb", "linear")
+        >>> light = hadalens.response.convert(photograph, "srgb", "linear")
 
     """
-    array = np.array(as_array(values, "values"), np.float32, order="C", copy=True)
-    pointer = ffi.cast("float *", address(array))
-    lib.hada_response_convert(pointer, array.size, number(source), number(target))
+    array = np.array(to_float(as_array(values, "values"), full_scale), copy=True)
+    numbers = number(source), number(target)
+    for given, found in zip((source, target), numbers, strict=True):
+        if not is_known(found):
+            raise errors.ArgumentError(f'{given!r} is no response to convert by: "linear", "srgb" or a power')
+    lib.hada_response_convert(ffi.cast("float *", address(array)), array.size, *numbers)
     return array
 
 
 def to_light(response: float | str, value: float) -> float:
     """Return the light of one value."""
-    return float(convert(np.asarray([value]), response, LINEAR)[0])
+    return float(convert(np.asarray([value], np.float64), response, LINEAR)[0])
 
 
 def from_light(response: float | str, light: float) -> float:
     """Return the value that stands for a light."""
-    return float(convert(np.asarray([light]), LINEAR, response)[0])
+    return float(convert(np.asarray([light], np.float64), LINEAR, response)[0])

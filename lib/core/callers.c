@@ -51,6 +51,18 @@ hada_status hada_sized_take(void *own, size_t own_size, const void *callers, con
     ((monitor) && (monitor)->size >= offsetof(hada_monitor, callback) + sizeof((monitor)->callback) &&                 \
      (monitor)->callback)
 
+hada_status hada_image_check(const hada_image *image, const hada_image *out, const char *function, const char *name,
+                             hada_error *err)
+{
+    if (!image || !image->data || image->channels < 1 || image->rows < 1 || image->cols < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: %s is %s image", function, name,
+                         !image                            ? "NULL, and no"
+                         : image->data || !image->channels ? "an empty"
+                                                           : "without data, and no");
+    return image == out ? hada_fail(err, HADA_ERROR_ARGUMENT, "%s: %s and out are the same image", function, name)
+                        : HADA_OK;
+}
+
 void hada_monitor_tell(const hada_monitor *monitor, hada_message kind, const char *format, ...)
 {
     char text[1200];

@@ -1,4 +1,4 @@
-/* What callers hand in: structs that carry their size, monitors, communicators. Internal.
+/* What callers hand in: structs that carry their size, images, monitors, communicators. Internal.
  *
  * Structs that carry their size pass between callers and libraries of different versions. Their first member is
  * `size_t size`, and new members are only added at the end (CONTRIBUTING.md). hadalens/base.h states the rule for
@@ -7,6 +7,7 @@
 #define HADA_CORE_CALLERS_H
 
 #include <hadalens/communicator.h>
+#include <hadalens/image.h>
 #include <hadalens/monitor.h>
 
 #include "core/base.h"
@@ -29,6 +30,12 @@ hada_status hada_sized_check(const void *callers, size_t own_size, const char *t
 /* The defaults, and over them the caller's options; for structs whose init takes the struct alone. */
 #define HADA_OPTIONS_TAKE(own, callers, type, err)                                                                     \
     (type##_init(own), hada_sized_take(own, sizeof *(own), callers, #type, err))
+
+/* For the images that a public function reads: HADA_NEED_IMAGE(image, out, err). Returns HADA_ERROR_ARGUMENT where
+ * there is none, or sizes without pixels, and where it is *out, which the function makes; out NULL: it makes none. */
+#define HADA_NEED_IMAGE(image, out, err) HADA_TRY(hada_image_check(image, out, __func__, #image, err))
+hada_status hada_image_check(const hada_image *image, const hada_image *out, const char *function, const char *name,
+                             hada_error *err);
 
 /* Passes a message on; `monitor` may be NULL. */
 void hada_monitor_tell(const hada_monitor *monitor, hada_message kind, const char *format, ...) HADA_PRINTF(3, 4);

@@ -7,7 +7,6 @@
 
 #include "core/callers.h"
 #include "core/numbers.h"
-#include "image/pixels.h"
 #include "launch/focus.h"
 
 /* How the kernels part the work. */

@@ -1,7 +1,7 @@
 /* Frames of one scene with several exposures, merged into one. */
 #include <math.h>
 
-#include "core/base.h"
+#include "core/callers.h"
 #include "image/mosaic.h"
 #include "image/statistics.h"
 

@@ -1,7 +1,6 @@
 /* Binning: fewer, larger pixels. */
-#include "core/base.h"
+#include "core/callers.h"
 #include "image/mosaic.h"
-#include "image/pixels.h"
 #include "image/statistics.h"
 
 /* The pixels of a bin that count: from `count` places in its first pixels on, each `step` further in rows and columns.

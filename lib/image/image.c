@@ -2,7 +2,7 @@
 #include <hadalens/image.h>
 #include <hadalens/scene.h>
 
-#include "core/base.h"
+#include "core/callers.h"
 #include "core/numbers.h"
 #include "image/pixels.h"
 
@@ -26,18 +26,6 @@ void hada_image_destroy(hada_image *image)
         return;
     free(image->data);
     *image = (hada_image){0};
-}
-
-hada_status hada_image_check(const hada_image *image, const hada_image *out, const char *function, const char *name,
-                             hada_error *err)
-{
-    if (!image || !image->data || image->channels < 1 || image->rows < 1 || image->cols < 1)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: %s is %s image", function, name,
-                         !image                            ? "NULL, and no"
-                         : image->data || !image->channels ? "an empty"
-                                                           : "without data, and no");
-    return image == out ? hada_fail(err, HADA_ERROR_ARGUMENT, "%s: %s and out are the same image", function, name)
-                        : HADA_OK;
 }
 
 hada_status hada_image_ensure(hada_image *image, int channels, int rows, int cols, hada_error *err)

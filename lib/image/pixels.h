@@ -32,12 +32,6 @@ hada_stored hada_pixels_stored(const hada_pixels *pixels);
  * numbers need a whole scale up to 65535: kernels/filter_unpack.cl was held against the host for all of these. */
 int hada_pixels_uploads(const hada_pixels *pixels);
 
-/* For the images that a public function reads: HADA_NEED_IMAGE(image, out, err). Returns HADA_ERROR_ARGUMENT where
- * there is none, or sizes without pixels, and where it is *out, which the function makes; out NULL: it makes none. */
-#define HADA_NEED_IMAGE(image, out, err) HADA_TRY(hada_image_check(image, out, __func__, #image, err))
-hada_status hada_image_check(const hada_image *image, const hada_image *out, const char *function, const char *name,
-                             hada_error *err);
-
 /* Creates the image where it is empty or has another shape; what it held is undefined then. */
 hada_status hada_image_ensure(hada_image *image, int channels, int rows, int cols, hada_error *err);
 

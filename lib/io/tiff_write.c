@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include "core/callers.h"
-#include "image/pixels.h"
 #include "io/tiff_page.h"
 #include "io/tiff_write.h"
 

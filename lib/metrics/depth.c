@@ -4,7 +4,6 @@
 
 #include "core/callers.h"
 #include "core/numbers.h"
-#include "image/pixels.h"
 
 double hada_depth_index(const double *distances_mm, int count, double distance_mm)
 {

@@ -1,4 +1,5 @@
 /* LPIPS of two images: a net in five stages, each followed by the distance of its features. */
+#include "core/callers.h"
 #include "image/pixels.h"
 #include "io/folder.h"
 #include "launch/lpips_distance.h"

@@ -4,8 +4,7 @@
 
 #include <hadalens/metrics.h>
 
-#include "core/base.h"
-#include "image/pixels.h"
+#include "core/callers.h"
 
 enum { RADIUS = 5, TAPS = 2 * RADIUS + 1 };
 #define DEVIATION 1.5

@@ -1,5 +1,6 @@
 /* A net made ready for images of one size: the public way of running one. */
 
+#include "core/callers.h"
 #include "image/pixels.h"
 #include "net/graph.h"
 #include "runtime/memory.h"

@@ -1,8 +1,8 @@
 /* What a camera resolves, by its design and by its point spread functions. */
 #include <hadalens/optics.h>
 
+#include "core/callers.h"
 #include "fft/fft.h"
-#include "image/pixels.h"
 #include "optics/mask.h"
 
 /* Modulation transfer and self-correlation of PSFs, on the device. */

@@ -2,9 +2,8 @@
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
 
-#include "core/base.h"
+#include "core/callers.h"
 #include "core/random.h"
-#include "image/pixels.h"
 
 /* Surfaces that scenes lie on: depth as a share of the camera's range. */
 

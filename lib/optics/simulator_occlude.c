@@ -1,6 +1,6 @@
 /* Scenes with opaque planes, lens by lens, or patch by patch of a mask without lenses: each sees a plane through what
  * the nearer ones leave open for it. And scenes on surfaces. */
-#include "image/pixels.h"
+#include "core/callers.h"
 #include "optics/mask.h"
 #include "optics/occlusion.h"
 #include "optics/simulator.h"

@@ -3,7 +3,6 @@
 #include <hadalens/response.h>
 
 #include "core/callers.h"
-#include "image/pixels.h"
 #include "io/text.h"
 #include "picture/drawing.h"
 #include "picture/tone.h"

@@ -1,6 +1,5 @@
 /* Registration of the pairs of one depth; registered scenes. */
 #include "core/callers.h"
-#include "image/pixels.h"
 #include "register/register_inside.h"
 
 /* Shifts between depths, from their PSFs. */

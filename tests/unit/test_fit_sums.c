@@ -74,7 +74,7 @@ TEST(equal_inputs_give_equal_models)
     options.lambda = 1e-4;
     for (int k = 0; k < 4; k++) {
         SCOPED(hada_fitter) * fitter;
-        options.dark = k == 1 ? 0.25 : k == 3 ? -0.25 : 0.0;
+        options.dark = k == 1 ? 0.25 : k == 3 ? 0.125 : 0.0;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         SCOPED(hada_image) frame, scene;
         ASSERT_OK(hada_image_create(&frame, CHANNELS, ROWS, COLS, err));
@@ -105,14 +105,14 @@ TEST(negative_numbers_choose_nothing)
 {
     fixture *f = *state;
     hada_fitter *fitter;
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 9; k++) {
         hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
-        double *const numbers[] = {&options.alpha,         &options.lambda,       &options.refine_tv,
-                                   &options.refine_colour, &options.refine_ridge, &options.outside};
-        if (k < 6)
+        double *const numbers[] = {&options.alpha,        &options.lambda,  &options.refine_tv, &options.refine_colour,
+                                   &options.refine_ridge, &options.outside, &options.dark};
+        if (k < 7)
             *numbers[k] = -0.5;
         else
-            *(k == 6 ? &options.refine_steps : &options.crop_passes) = -2;
+            *(k == 7 ? &options.refine_steps : &options.crop_passes) = -2;
         ASSERT_FAILS(hada_fitter_create(&fitter, f->context, &options, err), HADA_ERROR_ARGUMENT, "HADA_AUTO");
     }
 }

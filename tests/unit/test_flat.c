@@ -223,9 +223,8 @@ TEST(planes_of_divided_frames)
         assert_memory_equal(given.planes[0].data, kept.planes[0].data,
                             hada_image_count(&kept.planes[0]) * sizeof(float));
         ((float *)hada_model_get_info(loaded)->flat->data)[7] = -1.0f;
-        ASSERT_OK(hada_model_save(loaded, path, err));
+        ASSERT_FAILS(hada_model_save(loaded, path, err), HADA_ERROR_MODEL, "flat"); /* as it could not be read again */
         hada_model_destroy(&loaded);
-        ASSERT_FAILS(hada_model_load(&loaded, path, err), HADA_ERROR_MODEL, "flat");
         remove(path);
         hada_result_destroy(&given);
         hada_result_destroy(&kept);
@@ -381,9 +380,8 @@ TEST(cameras_are_learned_from_poor_frames)
             hada_result_destroy(&same);
             hada_plan_destroy(&plan);
             ((float *)hada_model_get_info(loaded)->dark_frame->data)[7] = NAN;
-            ASSERT_OK(hada_model_save(loaded, path, err));
+            ASSERT_FAILS(hada_model_save(loaded, path, err), HADA_ERROR_MODEL, "dark_frame");
             hada_model_destroy(&loaded);
-            ASSERT_FAILS(hada_model_load(&loaded, path, err), HADA_ERROR_MODEL, "dark_frame");
             remove(path);
             train.model = model;
             train.output = io_path("trained.model");

@@ -365,7 +365,8 @@ hada_status hada_fit_decode(hada_mended *mended, const hada_dataset **data, hada
     const hada_tiff_info *file = hada_tiff_get_info(reader);
     if (encoding != HADA_AUTO || file->encoding != 0.0 || file->is_float)
         goto done;
-    if (fit->frame_encoding == HADA_AUTO)
+    /* cameras write linear frames in 10 to 16 bits, and bright ones of wide PSFs are explained as well if decoded */
+    if (fit->frame_encoding == HADA_AUTO && file->bits == 8)
         HADA_TRY_OR_DONE(find_encoding(*data, context, fit, ranks, encoded, err));
     if (fit->frame_encoding != HADA_AUTO && fit->frame_encoding != HADA_RESPONSE_LINEAR) {
         HADA_TRY_OR_DONE(hada_dataset_decode(&mended->linear, *data, fit->frame_encoding, err));

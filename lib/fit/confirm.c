@@ -13,12 +13,11 @@
 #define SURE_WITH_DARK 0.5
 /* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.31, in one
  * case with mixed colours and exposures 0.4, on real pairs 0.23; where there was none 0.34 and more. The same of light
- * of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.24; beside light that was found in all
- * frames, which is a special case of it, 0.19 on real pairs, and 0.24 and more where it was that
- * (perf/results/learning.md). */
-#define LIGHT          0.32
-#define OWN_LIGHT      0.25
-#define OWN_BESIDE_ALL 0.2
+ * of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.24; 0.24 and more where there was none
+ * or light of all was found already, which is a special case of it, but for 0.05 of a wide point spread function, whose
+ * model is better so (perf/results/learning.md). */
+#define LIGHT     0.32
+#define OWN_LIGHT 0.2
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
  * 1.4 to 1700 where they were linear. */
 #define ENCODED 0.9
@@ -210,7 +209,7 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
     if (*before == 0.0)
         HADA_TRY(left_of(fit, context, lit, own, before, err));
     HADA_TRY(left_of(&without, context, dark, own, &after, err));
-    *better = after < *before * (!own ? LIGHT : hada_look_is_lit(fit, lit) ? OWN_BESIDE_ALL : OWN_LIGHT);
+    *better = after < *before * (own ? OWN_LIGHT : LIGHT);
     return HADA_OK;
 }
 

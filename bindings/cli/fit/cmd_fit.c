@@ -567,7 +567,7 @@ done:
 
 static const hada_cli_example examples[] = {
     {"hadalens fit camera -o camera.model", "learns from all pairs of the folder camera."},
-    {"hadalens fit --psf psf.tif --distances 250 --dark auto -o hand.model", "from one measured PSF."},
+    {"hadalens fit --psf psf.tif --distances 250 -o hand.model", "from one measured PSF."},
     {"hadalens fit captures --register -o camera.model", "of pictures that a display showed, wherever it stood."},
     {"hadalens fit monday -o m.model --sums monday.sums", "keeps the sums,"},
     {"hadalens fit tuesday -o both.model --merge monday.sums", "and adds to them."},

@@ -8,9 +8,9 @@
 enum { ROUNDS = 3 };
 #define MOST_CHANGE 1.5
 /* Frames whose channels differ so much in exposure (a root mean square of logarithms, of the first round) differ in
- * white balance: simulated ones that did by a twentieth gave 0.03 to 0.06, those that did not 0.004, six real ones,
- * whose model gets no better, 0.03. */
-#define UNBALANCED 0.04
+ * white balance: simulated ones that did by a tenth gave 0.11 to 0.17, by a twentieth 0.03 to 0.06, those that did not
+ * 0.004, six real ones 0.03 (perf/results/learning.md). */
+#define UNBALANCED 0.1
 
 /* The exposure of a frame by what its scene makes, with a smooth surface beside it where light is to be left out:
  * least squares of pixels that are known. */

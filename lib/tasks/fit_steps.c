@@ -225,7 +225,9 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
-    if (exposure != HADA_EXPOSURE_SAME && !hada_colours_known(fit->colour_matrix))
+    /* cameras balance frames that they encode; others look unbalanced where pairs say little of low frequencies */
+    if (exposure != HADA_EXPOSURE_SAME && fit->frame_encoding == HADA_RESPONSE_SRGB &&
+        !hada_colours_known(fit->colour_matrix))
         HADA_TRY(balance(mended, &data, context, *out, fit, ranks, &balanced, err));
     if (balanced) {
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,

@@ -357,6 +357,8 @@ TEST(other_depths_begin_anew)
     SCOPED(hada_image) scene = scene_of(5, -1);
     hada_plan_options options = options_of(1, 1);
     options.occupied = HADA_OCCUPIED_AUTO;
+    options.occupied_list = NULL;
+    options.occupied_count = 0;
     SCOPED(hada_plan) * warm;
     ASSERT_OK(hada_plan_create(&warm, f->context, f->circular, &options, err));
     for (int t = 0; t < 4; t++) {
@@ -385,6 +387,8 @@ TEST(a_depth_that_appears_is_found)
     SCOPED(hada_image) scene = scene_of(5, -1), more = scene_of(9, 12);
     hada_plan_options options = options_of(1, 1);
     options.occupied = HADA_OCCUPIED_AUTO;
+    options.occupied_list = NULL;
+    options.occupied_count = 0;
     for (int faint = 0; faint < 2; faint++) {
         SCOPED(hada_plan) * warm, *cold;
         int found = -1, looked = 0;

@@ -123,7 +123,7 @@ static hada_status check_frame(const hada_model_info *info, const hada_image *fr
                    frame->cols == info->raw_cols && frame->data))
         return HADA_OK;
     return hada_fail(err, HADA_ERROR_SIZE,
-                     "options.%s must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d x %d%s",
+                     "%s must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d x %d%s",
                      member, info->channels, info->raw_rows, info->raw_cols, frame->channels, frame->rows, frame->cols,
                      frame->data ? "" : ", without data");
 }

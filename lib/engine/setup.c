@@ -123,8 +123,8 @@ static hada_status check_frame(const hada_model_info *info, const hada_image *fr
                    frame->cols == info->raw_cols && frame->data))
         return HADA_OK;
     return hada_fail(err, HADA_ERROR_SIZE,
-                     "%s must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d x %d%s",
-                     member, info->channels, info->raw_rows, info->raw_cols, frame->channels, frame->rows, frame->cols,
+                     "%s must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d x %d%s", member,
+                     info->channels, info->raw_rows, info->raw_cols, frame->channels, frame->rows, frame->cols,
                      frame->data ? "" : ", without data");
 }
 

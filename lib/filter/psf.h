@@ -7,6 +7,7 @@
 /* What was found in a point spread function. Means over channels; values as they were in the image. */
 typedef struct hada_psf_seen {
     double background; /* taken off */
+    double uneven;     /* by how much more where it is largest; 0: the same everywhere */
     double noise;      /* standard deviation of the dark pixels */
     double peak;       /* of the brightest pixel, above the background */
     double dark;       /* share of the pixels that are 0 now */
@@ -16,6 +17,20 @@ typedef struct hada_psf_seen {
 
 /* Takes the background off, sets what is no more than noise to 0 and lets the edges fade out, as the options say. */
 hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, hada_psf_seen *seen, hada_error *err);
+
+/* The noise of a channel's dark parts. */
+typedef struct hada_psf_dark {
+    double noise;  /* standard deviation */
+    float lowest;  /* value */
+    double lifted; /* how much higher the mean of the dark pixels is because noise below `lowest` was cut off */
+} hada_psf_dark;
+/* room: two floats for each pixel, in what follows as well. */
+hada_psf_dark hada_psf_find_dark(const float *pixels, int rows, int cols, float *room);
+/* The level of the dark pixels. */
+double hada_psf_background(const float *pixels, size_t count, double noise, float *room);
+/* Takes off by how much the background is higher than where it is lowest, if it is clearly not even. The most that was
+ * taken off. */
+double hada_psf_take_uneven(float *pixels, int rows, int cols, double noise, float *room);
 
 /* Exchanges its rows and columns. */
 hada_status hada_psf_transpose(hada_image *psf, hada_error *err);

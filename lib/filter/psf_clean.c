@@ -1,4 +1,4 @@
-/* Background, noise and edges of point spread functions. */
+/* What lies in a point spread function beside its light is taken off; its shape. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,153 +15,6 @@
 #define GATE  4.0
 #define FAINT 1.0
 enum { NARROW = 3, WIDE = 15 };
-/* Blocks of 2 x 2 pixels are dark that are among this share of the darkest. */
-#define DARK_SHARE 0.1
-/* The median of the magnitude of a normal number of deviation 1. */
-#define MEDIAN 0.6745
-/* The first percentile is 2.3 deviations below the background where all pixels are dark, 1.3 where a tenth is. From
- * between them, the mean of the pixels that are near leads to the background in a few steps; where no pixel is dark it
- * cannot lead far. */
-#define PERCENTILE 1.8
-#define NEAR       1.5
-enum { NEAR_STEPS = 3 };
-
-/* Noise of which the part below black was cut off, as in most files of 8 bits: from so many pixels at the lowest value.
- * 2 x 2 blocks that hold one of them say how strong it was, by the magnitude of their diagonal coefficients and the
- * share a of their pixels above the lowest value. Of normal noise the median is a (0.42 + 0.69 a) deviations, and the
- * mean without the largest tenth a (0.55 + 0.45 a), within 7 % where 16 to 69 % are cut off, 24 % more where it is 7 %.
- * Edges of light move the median little. Values in steps of up to 1.25 deviations make the mean larger by 1.1 - 1.3 a
- * of a step, and the median anything: the lower one counts. The mean of the dark pixels is by 1.21 - 1.69 a deviations
- * higher than without the cut, but black is no lower than the lowest value (all by simulation). */
-#define CUT_OFF   0.05
-#define LIGHTLESS 0.9
-/* Values are whole steps if those of the first few steps are, within this part of one; then they are uncertain by one.
- */
-enum { FEW_STEPS = 8 };
-#define WHOLE_STEP 0.01
-
-/* 2 x 2 pixels each of a channel. */
-typedef struct blocks {
-    const float *pixels;
-    int rows, cols; /* of blocks */
-    size_t pitch;   /* of pixels */
-} blocks;
-
-static const float *block(const blocks *b, size_t i)
-{
-    return b->pixels + i / (size_t)b->cols * 2 * b->pitch + i % (size_t)b->cols * 2;
-}
-
-static float diagonal_of(const float *up, size_t pitch)
-{
-    const float *down = up + pitch;
-    return fabsf(up[0] - up[1] - down[0] + down[1]) * 0.5F;
-}
-
-/* The noise of the darkest blocks, by the median of their diagonal wavelet coefficients (statistics.h), which know
- * nothing of the blocks' means, by which they are chosen. `room`: two floats for each block. */
-static double whole_noise(const blocks *b, float *room)
-{
-    const size_t count = (size_t)b->rows * (size_t)b->cols;
-    float *mean = room, *sorted = room + count;
-    size_t dark = 0;
-    for (size_t i = 0; i < count; i++) {
-        const float *up = block(b, i), *down = up + b->pitch;
-        sorted[i] = mean[i] = up[0] + up[1] + down[0] + down[1];
-    }
-    const float most = hada_select_rank(sorted, count, (size_t)(DARK_SHARE * (double)(count - 1)));
-    for (size_t i = 0; i < count; i++)
-        if (mean[i] <= most)
-            sorted[dark++] = diagonal_of(block(b, i), b->pitch);
-    return hada_select_rank(sorted, dark, dark / 2) / MEDIAN;
-}
-
-/* The noise of a channel's dark parts. */
-typedef struct darkness {
-    double noise;  /* standard deviation */
-    float lowest;  /* value */
-    double lifted; /* how much higher the mean of the dark pixels is because noise below `lowest` was cut off */
-} darkness;
-
-/* Where values were cut off, and stand `step` apart. */
-static void find_cut_noise(const blocks *b, double step, float *room, darkness *out)
-{
-    size_t dark = 0, lowest_count = 0, used = 0;
-    double sum = 0.0;
-    for (size_t i = 0; i < (size_t)b->rows * (size_t)b->cols; i++) {
-        const float *up = block(b, i), *down = up + b->pitch, least = out->lowest;
-        const int at_lowest = (up[0] == least) + (up[1] == least) + (down[0] == least) + (down[1] == least);
-        if (at_lowest)
-            room[dark++] = diagonal_of(up, b->pitch);
-        lowest_count += (size_t)at_lowest;
-    }
-    const double above = dark ? 1.0 - (double)lowest_count / (4.0 * (double)dark) : 0.0;
-    out->noise = step / sqrt(12.0);
-    if (!(above > 0.0))
-        return;
-    const float most = hada_select_rank(room, dark, (size_t)(LIGHTLESS * (double)(dark - 1)));
-    for (size_t i = 0; i < dark; i++)
-        if (room[i] <= most) {
-            sum += room[i];
-            used++;
-        }
-    const double by_mean = fmax(sum / (double)used / (above * (0.55 + 0.45 * above)) - (1.1 - 1.3 * above) * step, 0.0);
-    const double by_median = hada_select_rank(room, dark, dark / 2) / (above * (0.42 + 0.69 * above));
-    const double noise = fmin(by_mean, by_median);
-    out->lifted = fmax(1.21 - 1.69 * above, 0.0) * noise;
-    out->noise = fmax(out->noise, noise);
-}
-
-/* The step of which values are whole numbers, from the lowest one on; 0: there is none. */
-static double step_of(const float *pixels, size_t count, float lowest)
-{
-    float next = INFINITY;
-    int reaches = 0;
-    for (size_t i = 0; i < count; i++)
-        next = pixels[i] > lowest ? fminf(next, pixels[i]) : next;
-    for (size_t i = 0; i < count; i++) {
-        const double steps = (pixels[i] - lowest) / (next - lowest);
-        if (steps < FEW_STEPS + 0.5 && fabs(steps - nearbyint(steps)) > WHOLE_STEP)
-            return 0.0;
-        reaches |= steps > FEW_STEPS - 0.5;
-    }
-    return reaches ? next - lowest : 0.0;
-}
-
-static darkness look_at_dark(const float *pixels, int rows, int cols, float *room)
-{
-    const blocks b = {pixels, rows / 2, cols / 2, (size_t)cols};
-    const size_t count = (size_t)rows * (size_t)cols;
-    darkness out = {.lowest = INFINITY};
-    size_t at_lowest = 0;
-    for (size_t i = 0; i < count; i++)
-        out.lowest = fminf(out.lowest, pixels[i]);
-    for (size_t i = 0; i < count; i++)
-        at_lowest += pixels[i] == out.lowest;
-    if (!b.rows || !b.cols)
-        return out;
-    if ((double)at_lowest < CUT_OFF * (double)count)
-        out.noise = whole_noise(&b, room);
-    else
-        find_cut_noise(&b, step_of(pixels, count, out.lowest), room, &out);
-    return out;
-}
-
-static double background_of(const float *pixels, size_t count, double noise, float *room)
-{
-    double level = hada_first_percentile(pixels, count, room) + PERCENTILE * noise;
-    for (int step = 0; noise > 0.0 && step < NEAR_STEPS; step++) {
-        double sum = 0.0, near = 0.0;
-        for (size_t i = 0; i < count; i++)
-            if (fabs(pixels[i] - level) <= NEAR * noise) {
-                sum += pixels[i];
-                near += 1.0;
-            }
-        level = near > 0.0 ? sum / near : level;
-    }
-    return level;
-}
-
 /* Half a cosine over `width` pixels from either end. */
 static double fade(int i, int n, int width)
 {
@@ -199,12 +52,13 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
     const int rows = psf->rows, cols = psf->cols;
     const size_t count = (size_t)rows * (size_t)cols;
     const double part = 1.0 / psf->channels;
-    darkness seen_dark = {0};
+    hada_psf_dark seen_dark = {0};
     if (options->psf_dark != 0.0)
-        seen_dark = look_at_dark(pixels, rows, cols, room);
+        seen_dark = hada_psf_find_dark(pixels, rows, cols, room);
     const double gate = options->psf_gate == HADA_AUTO ? GATE : options->psf_gate, noise = seen_dark.noise;
     const int finds = options->psf_dark == HADA_AUTO;
-    const double dark = finds ? background_of(pixels, count, gate > 0.0 ? noise : 0.0, room) : options->psf_dark;
+    const double uneven = finds && gate > 0.0 ? hada_psf_take_uneven(pixels, rows, cols, noise, room) : 0.0;
+    const double dark = finds ? hada_psf_background(pixels, count, gate > 0.0 ? noise : 0.0, room) : options->psf_dark;
     const double lifted = finds && gate > 0.0 ? fmin(seen_dark.lifted, fmax(dark - seen_dark.lowest, 0.0)) : 0.0;
     double border = 0.0, light = 0.0, most = 0.0;
     const double least = gate * noise;
@@ -233,6 +87,7 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
                                          : 1.0));
     }
     seen->background += part * (dark - lifted);
+    seen->uneven += part * uneven;
     seen->noise += part * noise;
     seen->peak += part * most;
     if (light > 0.0 && rows > 2 && cols > 2)

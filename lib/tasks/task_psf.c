@@ -561,19 +561,21 @@ static hada_status read_all(psfs *of, hada_error *err)
 static hada_status tell_cleaned(const psfs *of, int z, const hada_psf_seen *seen, hada_error *err)
 {
     hada_psf_shape shape;
-    char where[64] = "", like[64] = "", hot[64] = "";
+    char where[64] = "", like[64] = "", hot[64] = "", uneven[64] = "";
     HADA_TRY(hada_psf_measure(&shape, &of->image[z], z ? &of->image[z - 1] : NULL, err));
     if (of->count > 1)
         snprintf(where, sizeof where, ", depth %d", z + 1);
     if (seen->hot)
         snprintf(hot, sizeof hot, "; %zu hot pixel%s replaced", seen->hot, seen->hot == 1 ? "" : "s");
+    if (seen->uneven > 0.0)
+        snprintf(uneven, sizeof uneven, " to %.4g", seen->background + seen->uneven);
     if (z)
         snprintf(like, sizeof like, "; %.0f %% like the depth before", 100.0 * shape.alike);
     hada_monitor_tell(of->task->monitor, z ? HADA_MESSAGE_DETAIL : HADA_MESSAGE_INFO,
-                      "%s%s: background %.4g taken off; noise is %.2g %% of the brightest pixel, and %.1f %% of the "
+                      "%s%s: background %.4g%s taken off; noise is %.2g %% of the brightest pixel, and %.1f %% of the "
                       "pixels, which are no brighter, are 0%s%s",
-                      of->path, where, seen->background, 100.0 * seen->noise / seen->peak, 100.0 * seen->dark, hot,
-                      seen->noise > NOISY * seen->peak ? "; the mean of several captures has less noise" : "");
+                      of->path, where, seen->background, uneven, 100.0 * seen->noise / seen->peak, 100.0 * seen->dark,
+                      hot, seen->noise > NOISY * seen->peak ? "; the mean of several captures has less noise" : "");
     hada_monitor_tell(
         of->task->monitor, HADA_MESSAGE_DETAIL,
         "%s%s: 99 %% of the light within %d x %d pixels; details of %.1f pixels, by its autocorrelation; a "

@@ -85,6 +85,33 @@ TEST(background_and_noise_are_taken_off)
     }
 }
 
+/* What an uneven background leaves is no light: a plane, and a glow from a corner, of 50 and 80 times the noise. Where
+ * it is even, nothing changes. */
+TEST(uneven_backgrounds_are_taken_off)
+{
+    enum { LARGE = 200 };
+    const double noise = 0.001;
+    double even = 0.0;
+    for (int kind = 0; kind < 3; kind++) {
+        SCOPED(hada_image) right = spots(LARGE, LARGE, 1.0, 1.5), psf = spots(LARGE, LARGE, 1.0, 1.5);
+        DEFAULTS(hada_psf_options, options);
+        hada_random random;
+        hada_psf_seen seen;
+        hada_random_seed(&random, 8, 0);
+        for (size_t i = 0; i < hada_image_count(&psf); i++) {
+            const double y = (double)(i / LARGE) / LARGE, x = (double)(i % LARGE) / LARGE;
+            const double more = kind == 2 ? 0.08 * exp(-2.0 * (x * x + y * y)) : kind * (0.03 * x + 0.02 * y);
+            psf.data[i] += (float)(0.1 + more + noise * hada_random_normal(&random));
+        }
+        ASSERT_OK(hada_psf_clean(&psf, &options, &seen, err));
+        assert_true(kind ? seen.uneven > 0.03 : seen.uneven == 0.0);
+        const double off = distance(&psf, &right), light = sum_of(&psf) / SPOTS;
+        even = kind ? even : off;
+        if (!(fabs(light - 1.0) < 0.03 && off < 50.0 * noise && off < 1.1 * even))
+            fail_msg("kind %d: %g of the light, %g off", kind, light, off);
+    }
+}
+
 /* Hot pixels are replaced, beside spots that are hardly wider than a pixel as well; spots of single pixels stay. */
 TEST(hot_pixels_are_replaced)
 {

@@ -146,13 +146,12 @@ double hada_psf_background(const float *pixels, size_t count, double noise, floa
     return level;
 }
 
-
 /* Backgrounds that are not even, as of a room that is not quite dark. Where one of TILES x TILES parts of a channel has
  * no light, the lower quartile of its means of 2 x 2 pixels is the background. A polynomial of the place passes below
  * light if parts count the less the higher they are above it. A higher order is taken where the polynomial is near to
  * MANY of the parts, within NEAR_TILE deviations of the noise, and to MORE times as many as before: where light falls
- * off, a polynomial is near to few. Orders above CURVED find light in the dark as well, so that they must be near to
- * nearly ALL parts and leave hardly anything of what was left. Measured: perf/results/real-captures.md. */
+ * off, a polynomial is near to few. The HIGHEST follows light as well, so that it must be near to ALL but few parts,
+ * and leave HARDLY anything of what was left. Measured: perf/results/real-captures.md. */
 enum { TILES = 16, LEAST_TILE = 4, SURFACE_STEPS = 30, CURVED = 2, HIGHEST = 6 };
 enum { POWERS = HIGHEST + 1, TERMS = (HIGHEST + 1) * (HIGHEST + 2) / 2 };
 #define TILE_RANK 0.25
@@ -247,7 +246,7 @@ static surface lowest_surface(const double *level, double noise, int order)
 
 double hada_psf_take_uneven(float *pixels, int rows, int cols, double noise, float *room)
 {
-    static const int orders[] = {1, CURVED, 4, HIGHEST};
+    static const int orders[] = {1, CURVED, HIGHEST};
     const blocks b = {pixels, rows / 2, cols / 2, (size_t)cols};
     double level[TILES * TILES], least = INFINITY, most = -INFINITY;
     surface best;

@@ -479,7 +479,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
 static const hada_cli_example examples[] = {
     {"hadalens reconstruct frame.tif -m camera.model -o pictures", "one frame, everything automatic."},
     {"hadalens reconstruct *.tif -m camera.model -o pictures --refine 0", "many frames, quickly."},
-    {"hadalens reconstruct hand.tif -m hand.model -o pictures --dark auto --bits 16", "a sensor with an offset."},
+    {"hadalens reconstruct hand.tif -m hand.model -o pictures --dark dark.tif --bits 16",
+     "a sensor with an offset: its dark frame."},
     {"hadalens reconstruct frame.tif -m camera.model -o pictures --occupied 100mm,250mm", "when the depths are known."},
     {"hadalens reconstruct frame.tif -m camera.model -o pictures --method admm --tv 0.005", "what others use."},
     {"hadalens reconstruct movie.tif -m camera.model -o pictures --device 0,1 --queues 2", "on two devices at once."},

@@ -249,8 +249,8 @@ static hada_status run(bench *b, const char *folder, hada_error *err)
         return status;
     printf("%-44s %5.2f dB\n", "the view of the lens nearest to the axis", psnr(b, &view));
     if (!(status = save(folder, "picture", &b->picture, 1.0, err)) &&
-        !(status = save(folder, "raw", &b->raw, 0.0, err)))
-        status = save(folder, "single_view", &view, 0.0, err);
+        !(status = save(folder, "raw", &b->raw, HADA_AUTO, err)))
+        status = save(folder, "single_view", &view, HADA_AUTO, err);
     hada_image_destroy(&view);
     return status ? status : look_through(b, folder, err);
 }

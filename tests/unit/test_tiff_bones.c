@@ -359,10 +359,10 @@ TEST(what_cannot_be_written_is_refused_first)
     expect_write(1, &options, HADA_ERROR_ARGUMENT, "encoding of 17");
     hada_tiff_write_options_init(&options);
     options.slices = -1;
-    expect_write(1, &options, HADA_ERROR_ARGUMENT, "-1 slices");
+    expect_write(1, &options, HADA_ERROR_ARGUMENT, "slices -1");
     options.slices = 1;
     options.times = -3;
-    expect_write(1, &options, HADA_ERROR_ARGUMENT, "-3 times");
+    expect_write(1, &options, HADA_ERROR_ARGUMENT, "times -3");
     options.times = 1 << 20;
     options.slices = 1 << 20;
     expect_write(1, &options, HADA_ERROR_ARGUMENT, "slices");

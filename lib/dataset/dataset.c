@@ -498,6 +498,17 @@ static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
     return HADA_OK;
 }
 
+/* A grey scene as the screen showed it, for a frame in colours. */
+static hada_status colour_scene(hada_pair *pair, hada_error *err)
+{
+    hada_image coloured = {0};
+    HADA_TRY(hada_image_of_grey(&coloured, pair->scene, err));
+    hada_image_destroy(&pair->own.scene);
+    pair->own.scene = coloured;
+    pair->scene = &pair->own.scene;
+    return HADA_OK;
+}
+
 /* A pair whose frame is brought to the scene's colours. */
 static hada_status unmix(hada_pair *pair, const double inverse[HADA_COLOUR_MATRIX], hada_error *err)
 {
@@ -570,6 +581,8 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         hada_pair_name(dataset, depth, number, err);
         goto done;
     }
+    if (pair->scene->channels == 1 && pair->raw->channels == HADA_COLOURS)
+        HADA_TRY_OR_DONE(colour_scene(pair, err));
     if ((dataset->light || dataset->balance) && pair->raw->channels == dataset->channels)
         HADA_TRY_OR_DONE(correct(pair, dataset, index, err));
     if (hada_colours_known(dataset->unmix) && pair->raw->channels == HADA_COLOURS)

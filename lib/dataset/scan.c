@@ -167,9 +167,11 @@ done:
 static hada_status check(const hada_pair_store *store, int skip_incomplete, hada_error *err)
 {
     if (store->incomplete && !skip_incomplete)
-        return hada_fail(err, HADA_ERROR_DATASET,
-                         "%d %s no partner: %s. Add what is missing, or leave these out with options.skip_incomplete",
-                         store->incomplete, store->incomplete == 1 ? "file has" : "files have", store->incomplete_text);
+        return hada_fail(
+            err, HADA_ERROR_DATASET,
+            "%d %s no partner: %s. Add what is missing (as .tif, .png, .jpg, .npy, .mat, .dng or .raw), or leave "
+            "these out with options.skip_incomplete",
+            store->incomplete, store->incomplete == 1 ? "file has" : "files have", store->incomplete_text);
     for (int z = 0; z < store->depths; z++) {
         const hada_dataset_depth *depth = &store->depth[z];
         if (!depth->count)

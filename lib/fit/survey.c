@@ -162,12 +162,14 @@ static hada_status make(owned_survey *own, hada_sample *work, hada_exposure expo
 
 static hada_status check(const hada_fit_options *options, const hada_dataset_info *pairs, hada_error *err)
 {
+    hada_model_info sizes = {.boundary = HADA_BOUNDARY_CIRCULAR};
     if (options->depths != pairs->depths || options->channels < 1 || options->window_rows < 1 ||
-        options->window_cols < 1 || options->window_rows > options->raw_rows ||
-        options->window_cols > options->raw_cols)
+        options->window_cols < 1)
         return hada_fail(
             err, HADA_ERROR_ARGUMENT,
             "hada_survey_create: the depths of the data set and the sizes of frames and windows are needed");
+    HADA_TRY(hada_model_set_sizes(&sizes, options->raw_rows, options->raw_cols, options->window_rows,
+                                  options->window_cols, err));
     if (options->scene_response != HADA_AUTO && !hada_response_is_known(options->scene_response))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the response of the scenes, %g, is none (hadalens/response.h)",
                          options->scene_response);

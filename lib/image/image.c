@@ -43,6 +43,15 @@ hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error
     return HADA_OK;
 }
 
+hada_status hada_image_of_grey(hada_image *out, const hada_image *grey, hada_error *err)
+{
+    const size_t area = hada_image_count(grey);
+    HADA_TRY(hada_image_create(out, 3, grey->rows, grey->cols, err));
+    for (size_t c = 0; c < 3; c++)
+        memcpy(out->data + c * area, grey->data, area * sizeof *out->data);
+    return HADA_OK;
+}
+
 float hada_image_brightest(const hada_image *image)
 {
     float most = 0.0f;

@@ -127,11 +127,11 @@ size_t hada_name_stem(const char *name)
 
 double hada_name_distance(const char *name, const char **rest)
 {
-    const char *end;
-    if (name[0] != 'z' || name[1] < '0' || name[1] > '9')
+    const char *end, *number = name + (*name == 'z' || *name == 'Z');
+    if (*number < '0' || *number > '9')
         return -1.0;
-    const double distance = hada_text_number(name + 1, &end);
-    if (strncmp(end, "mm", 2) || !isfinite(distance))
+    const double distance = hada_text_number(number, &end);
+    if (strncmp(end, "mm", 2) || !isfinite(distance) || (number == name && end[2] && end[2] != '.'))
         return -1.0;
     *rest = end + 2;
     return distance;

@@ -36,7 +36,8 @@ hada_status hada_path_stem(char **out, const char *path, hada_error *err);
 /* The length of a name without its ending. */
 size_t hada_name_stem(const char *name);
 
-/* What a name such as z100mm, z250.5mm.tif says of a distance, and what follows in the name; below 0: nothing. */
+/* What a name such as z100mm, z250.5mm_2.tif, 100mm.tif says of a distance, and what follows in the name; below 0:
+ * nothing. */
 double hada_name_distance(const char *name, const char **rest);
 
 /* A name from a format, on the heap. No %g or %f here, which would follow the locale. */

@@ -414,7 +414,7 @@ hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_co
     if (window_rows < 1 || window_cols < 1 || window_rows > raw_rows || window_cols > raw_cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "a window of %d x %d does not fit into frames of %d x %d; scenes must not be larger than raw "
-                         "frames",
+                         "frames ('hadalens register' brings pictures that a display showed to their size)",
                          window_rows, window_cols, raw_rows, raw_cols);
     info->raw_rows = info->grid_rows = raw_rows;
     info->raw_cols = info->grid_cols = raw_cols;

@@ -203,10 +203,8 @@ static hada_status set_channels(psfs *of, hada_image *image, hada_error *err)
     }
     const size_t area = (size_t)image->rows * (size_t)image->cols;
     if (image->channels == 1 && of->colour) {
-        HADA_TRY(hada_image_create(&changed, 3, image->rows, image->cols, err));
+        HADA_TRY(hada_image_of_grey(&changed, image, err));
         of->spread = 1;
-        for (size_t c = 0; c < 3; c++)
-            memcpy(changed.data + c * area, image->data, area * sizeof(float));
     } else if (image->channels == 1 && raw) { /* of a camera with a mosaic, as it wrote it */
         HADA_TRY(hada_mosaic_colours(of->options.mosaic, image, &changed, err));
         of->filled = 1;

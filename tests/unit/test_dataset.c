@@ -76,15 +76,16 @@ TEST(depths_ascend_and_pairs_are_sorted_by_name)
     hada_dataset *data;
     put_pair("z100mm", "b", 1);
     put_pair("z100mm", "a", 2);
-    put_pair("z20.5mm", "one", 3);
-    put_pair("z1e3mm", "far", 4);
+    put_pair("20.5mm", "one", 3);
+    put_pair("Z1e3mm", "far", 4);
     /* endings may differ between partners; names that mean nothing are passed over */
-    put("z1e3mm/raw/last.TIFF", 5);
-    put("z1e3mm/scene/last.tif", 105);
+    put("Z1e3mm/raw/last.TIFF", 5);
+    put("Z1e3mm/scene/last.tif", 105);
     put("notes/raw/a.tif", 0);
     put("zmm/raw/a.tif", 0);
     put("z5cm/raw/a.tif", 0);
     put("z-5mm/raw/a.tif", 0);
+    put("5mm lens/raw/a.tif", 0);
     ASSERT_OK(hada_file_write(at("z100mm/raw/readme.txt"), "x", 1, err));
     ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
     const hada_dataset_info *info = hada_dataset_get_info(data);
@@ -94,11 +95,11 @@ TEST(depths_ascend_and_pairs_are_sorted_by_name)
     assert_true(info->pairs == 5 && info->least_pairs == 1 && info->incomplete == 0);
     assert_string_equal(info->incomplete_text, "");
     assert_true(!info->psf && !info->camera);
-    assert_string_equal(hada_dataset_get_info(data)->folders[2], at("z1e3mm"));
+    assert_string_equal(hada_dataset_get_info(data)->folders[2], at("Z1e3mm"));
     assert_string_equal(hada_dataset_get_info(data)->files[1][0].raw, at("z100mm/raw/a.tif"));
     assert_string_equal(hada_dataset_get_info(data)->files[1][1].scene, at("z100mm/scene/b.tif"));
-    assert_string_equal(hada_dataset_get_info(data)->files[2][1].raw, at("z1e3mm/raw/last.TIFF"));
-    assert_string_equal(hada_dataset_get_info(data)->files[2][1].scene, at("z1e3mm/scene/last.tif"));
+    assert_string_equal(hada_dataset_get_info(data)->files[2][1].raw, at("Z1e3mm/raw/last.TIFF"));
+    assert_string_equal(hada_dataset_get_info(data)->files[2][1].scene, at("Z1e3mm/scene/last.tif"));
     hada_image raw, scene;
     ASSERT_OK(hada_dataset_read(data, 1, 0, &raw, &scene, err));
     assert_true(raw.data[5] == 2.0f && scene.data[0] == 102.0f && raw.rows == 2 && scene.cols == 3);
@@ -394,7 +395,7 @@ TEST(pairs_are_read_ahead)
     }
 }
 
-/* Images in memory are used where they are. */
+/* Images in memory are used where they are; but a grey scene is a coloured one for a coloured frame. */
 TEST(images_are_not_copied)
 {
     const double distances[] = {100.0, 250.0};
@@ -403,13 +404,17 @@ TEST(images_are_not_copied)
     hada_dataset *data;
     hada_pair pair;
     for (int i = 0; i < 3; i++) {
-        ASSERT_OK(hada_image_create(&raws[i], 1, 4, 5, err));
+        ASSERT_OK(hada_image_create(&raws[i], i ? 1 : 3, 4, 5, err));
         ASSERT_OK(hada_image_create(&scenes[i], 1, 2, 3, err));
     }
     ASSERT_OK(hada_dataset_from_images(&data, 2, distances, counts, raws, scenes, err));
     assert_int_equal(hada_dataset_get_info(data)->has_files, 0);
     ASSERT_OK(hada_pair_take(&pair, data, 1, 1, err));
     assert_true(pair.raw == &raws[2] && pair.scene == &scenes[2]);
+    hada_pair_return(&pair);
+    scenes[0].data[4] = 7.0f;
+    ASSERT_OK(hada_pair_take(&pair, data, 0, 0, err));
+    assert_true(pair.raw == &raws[0] && pair.scene->channels == 3 && pair.scene->data[10] == 7.0f);
     hada_pair_return(&pair);
     hada_image_destroy(&scenes[1]);
     ASSERT_FAILS(hada_pair_take(&pair, data, 1, 0, err), HADA_ERROR_ARGUMENT, "a scene is an empty image");

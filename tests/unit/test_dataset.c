@@ -57,10 +57,9 @@ static int end(void **state)
 /* Scanning fails with that status; the message holds every word. */
 static void refused(int skip, hada_status status, const char *const *words)
 {
-    hada_dataset_options options;
+    DEFAULTS(hada_dataset_options, options);
     hada_dataset *data = (hada_dataset *)&options;
     hada_error error = {0};
-    hada_dataset_options_init(&options);
     options.skip_incomplete = skip;
     assert_int_equal(hada_dataset_scan(&data, set, &options, &error), status);
     assert_null(data);
@@ -127,7 +126,7 @@ TEST(neighbours_are_found)
 TEST(files_without_partner_are_reported)
 {
     SCOPED(hada_dataset) * data;
-    hada_dataset_options options;
+    DEFAULTS(hada_dataset_options, options);
     put_pair("z1mm", "a", 1);
     put("z1mm/raw/alone.tif", 1);
     REFUSED(0, HADA_ERROR_DATASET, "1 file has no partner", "z1mm/raw/alone.tif has no scene",
@@ -137,7 +136,6 @@ TEST(files_without_partner_are_reported)
     for (char name[] = "z1mm/scene/c.tif"; name[11] < 'g'; name[11]++)
         put(name, 1);
     REFUSED(0, HADA_ERROR_DATASET, "6 files have no partner", "and so on");
-    hada_dataset_options_init(&options);
     options.skip_incomplete = 1;
     ASSERT_OK(hada_dataset_scan(&data, set, &options, err));
     assert_int_equal(hada_dataset_get_info(data)->pairs, 1);
@@ -401,7 +399,7 @@ TEST(images_are_not_copied)
     const double distances[] = {100.0, 250.0};
     const int counts[] = {1, 2};
     hada_image raws[3], scenes[3];
-    hada_dataset *data;
+    SCOPED(hada_dataset) * data;
     hada_pair pair;
     for (int i = 0; i < 3; i++) {
         ASSERT_OK(hada_image_create(&raws[i], i ? 1 : 3, 4, 5, err));
@@ -418,7 +416,6 @@ TEST(images_are_not_copied)
     hada_pair_return(&pair);
     hada_image_destroy(&scenes[1]);
     ASSERT_FAILS(hada_pair_take(&pair, data, 1, 0, err), HADA_ERROR_ARGUMENT, "a scene is an empty image");
-    hada_dataset_destroy(&data);
     for (int i = 0; i < 3; i++) {
         hada_image_destroy(&raws[i]);
         hada_image_destroy(&scenes[i]);

@@ -13,7 +13,7 @@
 enum { HADA_MOST_COMPONENTS = 16, HADA_MOST_POSITIONS = 1024 };
 /* Of refinement, and of alpha and lambda: more is a damaged number, or leaves nothing of the filters. */
 enum { HADA_MODEL_MOST_STEPS = 100000 };
-#define HADA_MODEL_MOST_WEIGHT 1e9
+#define HADA_MODEL_MOST_WEIGHT 1e30
 
 /* Filters and transfer functions are kept on the host as row-major half spectra: complex numbers
  * [depth][channel][grid_rows][grid_cols / 2 + 1], re and im interleaved. One of `filter` and `filter_half` is NULL. */

@@ -122,10 +122,9 @@ static hada_status check_frame(const hada_model_info *info, const hada_image *fr
     if (!frame || ((frame->channels == info->channels || frame->channels == 1) && frame->rows == info->raw_rows &&
                    frame->cols == info->raw_cols && frame->data))
         return HADA_OK;
-    return hada_fail(err, HADA_ERROR_SIZE,
-                     "%s must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d x %d%s", member,
-                     info->channels, info->raw_rows, info->raw_cols, frame->channels, frame->rows, frame->cols,
-                     frame->data ? "" : ", without data");
+    return hada_fail(err, HADA_ERROR_SIZE, "%s must have %s of %d x %d pixels, as the model; it has %d of %d x %d%s",
+                     member, info->channels == 1 ? "1 channel" : "1 or 3 channels", info->raw_rows, info->raw_cols,
+                     frame->channels, frame->rows, frame->cols, frame->data ? "" : ", without data");
 }
 
 static hada_status check_options(const hada_model_info *info, const hada_plan_options *options, hada_error *err)

@@ -12,7 +12,7 @@
 /* Of point spread functions that vary over the field. */
 enum { HADA_MOST_COMPONENTS = 16, HADA_MOST_POSITIONS = 1024 };
 /* Of refinement, and of alpha and lambda: more is a damaged number, or leaves nothing of the filters. */
-enum { HADA_MODEL_MOST_STEPS = 100000 };
+enum { HADA_MODEL_MOST_STEPS = 1000000 };
 #define HADA_MODEL_MOST_WEIGHT 1e30
 
 /* Filters and transfer functions are kept on the host as row-major half spectra: complex numbers

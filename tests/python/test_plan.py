@@ -62,7 +62,7 @@ def test_flat_frames(tmp_path: Path) -> None:
     without = hadalens.Plan(model).run(even * flat / flat.mean()).stack
     size = np.linalg.norm(expected)
     assert np.linalg.norm(got - expected) < 0.1 * size < np.linalg.norm(without - expected)
-    with pytest.raises(ValueError, match="flat frame"):
+    with pytest.raises(ValueError, match="flat_frame"):
         hadalens.Plan(model, flat_frame=flat[1:])
 
 

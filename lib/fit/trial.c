@@ -4,8 +4,10 @@
 
 /* Planes are compared after each of PARTS equal parts of the steps, and before the first, when they are the linear
  * filter's. After the last part come the steps with the learned regulariser. Optics that pass some frequencies weakly
- * need more steps: they get them where each further one gains SLOW_GAIN decibels. Where the sensor crops, fewer do. */
-enum { PARTS = 4, TRIED = PARTS + 1, SLOW_CROPPED = 24 };
+ * need more steps: they get SLOW ones, and SLOWEST times as many, where each further one gains SLOW_GAIN decibels.
+ * Where the sensor crops, fewer do. */
+enum { PARTS = 4, TRIED = PARTS + 1, SLOW = 32, SLOW_CROPPED = 24, SLOWEST = 2 };
+_Static_assert((int)SLOW *(int)SLOWEST <= (int)HADA_TRIAL_MOST_STEPS, "room for steps");
 #define SLOW_GAIN 0.0125
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
@@ -63,8 +65,7 @@ typedef struct trial_work {
 static int slow_steps(const trial_work *work)
 {
     const hada_model_info *info = &work->bench.grid->info;
-    return info->boundary == HADA_BOUNDARY_PADDED && info->mosaic == HADA_MOSAIC_NONE ? SLOW_CROPPED
-                                                                                      : HADA_TRIAL_MOST_STEPS;
+    return info->boundary == HADA_BOUNDARY_PADDED && info->mosaic == HADA_MOSAIC_NONE ? SLOW_CROPPED : SLOW;
 }
 
 /* Exposes a frame, and keeps its linear planes for blends. */
@@ -265,15 +266,20 @@ static hada_status choose_ridge(trial_work *work, const trial_set *set, double p
 static hada_status choose_whole(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
     const hada_refine_weights without = {work->weights.tv, work->weights.colour, 0.0};
-    double more;
-    work->rank_steps = work->whole = HADA_TRIAL_STEPS;
+    const int slow = slow_steps(work);
+    int settled = HADA_TRIAL_STEPS;
+    work->rank_steps = work->whole = settled;
     HADA_TRY(rank(work, set, &without, 1, psnr, err));
-    work->rank_steps = work->whole = slow_steps(work);
-    HADA_TRY(rank(work, set, &without, 1, &more, err));
-    if (more - *psnr > SLOW_GAIN * (work->whole - HADA_TRIAL_STEPS))
+    for (int steps = slow; steps <= SLOWEST * slow; steps *= SLOWEST) {
+        double more;
+        work->rank_steps = work->whole = steps;
+        HADA_TRY(rank(work, set, &without, 1, &more, err));
+        if (!(more - *psnr > SLOW_GAIN * (steps - settled)))
+            break;
         *psnr = more;
-    else
-        work->rank_steps = work->whole = HADA_TRIAL_STEPS;
+        settled = steps;
+    }
+    work->rank_steps = work->whole = settled;
     return HADA_OK;
 }
 

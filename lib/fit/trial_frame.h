@@ -7,7 +7,7 @@
 #include "planes/maker.h"
 
 /* Pairs of a frame, steps of a refinement, and shares that are compared, at most. */
-enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16, HADA_TRIAL_MOST_STEPS = 32, HADA_TRIAL_SHARES = 10 };
+enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16, HADA_TRIAL_MOST_STEPS = 64, HADA_TRIAL_SHARES = 10 };
 
 typedef struct hada_trial_bench {
     const hada_fit_trial *with;

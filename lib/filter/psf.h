@@ -36,11 +36,11 @@ double hada_psf_take_uneven(float *pixels, int rows, int cols, double noise, flo
 hada_status hada_psf_transpose(hada_image *psf, hada_error *err);
 
 /* The shape of a clean one, means over channels: rows and columns between which 99 % of the light are, the width at
- * half height of its autocorrelation, which is that of its finest details, and how much it is like another of its size,
- * 0 to 1 (NULL: 0). */
+ * half height of its autocorrelation, which is that of its finest details, how much it is like another of its size, 0
+ * to 1 (NULL: 0), and how far the middle of its light is from the axis, in pixels. */
 typedef struct hada_psf_shape {
     int rows, cols;
-    double detail, alike;
+    double detail, alike, row, col;
 } hada_psf_shape;
 hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const hada_image *other, hada_error *err);
 

@@ -191,13 +191,17 @@ static double half_lag(const float *values, size_t count, size_t step, size_t fa
     return (double)far;
 }
 
-/* How many of n lines are left when half a per cent of the light is left out at either end. */
-static int between(const double *light, int n)
+/* How many of n lines are left when half a per cent of the light is left out at either end; *middle: of the light, from
+ * the axis. */
+static int between(const double *light, int n, double *middle)
 {
     double all = 0.0, sum = 0.0;
     int count = 0;
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < n; i++) {
         all += light[i];
+        *middle += light[i] * (i - n / 2);
+    }
+    *middle /= all;
     for (int i = 0; i < n; i++) {
         sum += light[i];
         count += sum > 0.005 * all && sum - light[i] < 0.995 * all;
@@ -215,8 +219,8 @@ hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const h
         light[i / cols % (size_t)psf->rows] += psf->data[i];
         light[(size_t)psf->rows + i % cols] += psf->data[i];
     }
-    out->rows = between(light, psf->rows);
-    out->cols = between(light + psf->rows, psf->cols);
+    out->rows = between(light, psf->rows, &out->row);
+    out->cols = between(light + psf->rows, psf->cols, &out->col);
     const size_t far = (size_t)(psf->rows < psf->cols ? psf->rows : psf->cols) / FAR;
     out->detail = half_lag(psf->data, all, 1, far) + half_lag(psf->data, all, cols, far);
     if (other)

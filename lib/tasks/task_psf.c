@@ -27,6 +27,8 @@
 #define WHITE 0.02
 /* More noise than this, of the brightest pixel, costs 0.05 to 0.34 dB (perf/psf_files.py). */
 #define NOISY 0.001
+/* And where its middle is farther from the axis than this part of the window: that of random lenses is a tenth. */
+#define ASIDE 0.25
 /* Captures of one depth: alike, and moved by so many pixels at most. */
 #define ALIKE 0.8
 #define MOVED 0.5
@@ -579,6 +581,15 @@ static hada_status tell_cleaned(const psfs *of, int z, const hada_psf_seen *seen
         "%s%s: 99 %% of the light within %d x %d pixels; details of %.1f pixels, by its autocorrelation; a "
         "pixel at the border has %.2g %% of a mean one's light%s",
         of->path, where, shape.rows, shape.cols, shape.detail, 100.0 * seen->border, like);
+    if (!z && !of->positions &&
+        (fabs(shape.row) > ASIDE * of->options.window_rows || fabs(shape.col) > ASIDE * of->options.window_cols) &&
+        of->options.window_rows)
+        hada_monitor_tell(
+            of->task->monitor, HADA_MESSAGE_NOTE,
+            "%s: the middle of its light is %.0f rows and %.0f columns from the optical axis, its pixel "
+            "(rows / 2, columns / 2); if the source stood before the middle of the window, shift it there, "
+            "for else the window cuts the scene off",
+            of->path, shape.row, shape.col);
     return HADA_OK;
 }
 

@@ -160,7 +160,7 @@ TEST(shapes_are_measured)
     ASSERT_OK(hada_image_create(&small, 1, 1, 2, err));
     small.data[0] = 1.0F;
     ASSERT_OK(hada_psf_measure(&shape, &small, NULL, err));
-    assert_true(shape.rows == 1 && shape.cols == 1 && shape.detail == 0.0 && shape.alike == 0.0);
+    assert_true(shape.rows == 1 && shape.cols == 1 && shape.detail == 0.0 && shape.alike == 0.0 && shape.col == -1.0);
 }
 
 /* A stack whose bead wanders, about an axis beside the middle: what was added comes out, but for what another axis

@@ -502,7 +502,7 @@ static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
 static hada_status colour_scene(hada_pair *pair, hada_error *err)
 {
     hada_image coloured = {0};
-    HADA_TRY(hada_image_of_grey(&coloured, pair->scene, err));
+    HADA_TRY(hada_image_repeat(&coloured, pair->scene, HADA_COLOURS, err));
     hada_image_destroy(&pair->own.scene);
     pair->own.scene = coloured;
     pair->scene = &pair->own.scene;

@@ -36,7 +36,7 @@ hada_status hada_result_make_confidence(hada_result *result, hada_error *err);
 
 /* Empties a result; arrays of the caller's stay in use. */
 void hada_result_clear(hada_result *result);
-/* Whether memory is part of what a result is written into. */
+/* Whether `bytes` from `data` on overlap the arrays that a result is written into. */
 int hada_result_overlaps(const hada_result *result, const void *data, size_t bytes);
 
 /* Makes `to` a copy of `from`, which is of the model, report included. Empty on failure. */

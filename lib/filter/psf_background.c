@@ -1,5 +1,6 @@
 /* The background and the noise of point spread functions, from their dark parts. */
 #include <math.h>
+#include <string.h>
 
 #include "core/numbers.h"
 #include "filter/psf.h"
@@ -153,7 +154,7 @@ double hada_psf_background(const float *pixels, size_t count, double noise, floa
  * off, a polynomial is near to few. The HIGHEST follows light as well, so that it must be near to ALL but few parts,
  * and leave HARDLY anything of what was left. Measured: perf/results/real-captures.md. */
 enum { TILES = 16, LEAST_TILE = 4, SURFACE_STEPS = 30, CURVED = 2, HIGHEST = 6 };
-enum { POWERS = HIGHEST + 1, TERMS = (HIGHEST + 1) * (HIGHEST + 2) / 2 };
+enum { TERMS = (HIGHEST + 1) * (HIGHEST + 2) / 2 };
 #define TILE_RANK 0.25
 #define NEAR_TILE 2.0
 #define MANY      0.25
@@ -161,30 +162,40 @@ enum { POWERS = HIGHEST + 1, TERMS = (HIGHEST + 1) * (HIGHEST + 2) / 2 };
 #define ALL       0.9
 #define HARDLY    0.5
 
+typedef struct tiles {
+    double level[TILES * TILES];
+    double term[TILES * TILES][TERMS]; /* at the middle of each */
+    double noise;
+} tiles;
+
 typedef struct surface {
-    double weight[POWERS][POWERS]; /* [power of the row][of the column], places from -1 to 1 */
-    double near;                   /* the share of tiles that are */
-    double left;                   /* the mean over tiles of what is left, each up to 1 */
+    double weight[TERMS]; /* 0 beyond its order */
+    double near;          /* the share of tiles that are */
+    double left;          /* the mean over tiles of what is left, each up to 1 */
 } surface;
 
-static double at_place(const surface *of, double y, double x)
+/* Products of powers of a place, from -1 to 1, by their order: those of an order and the ones below it come first. */
+static void find_terms(double *term, double y, double x)
+{
+    double *next = term, power = 1.0;
+    *next++ = 1.0;
+    for (int order = 1; order <= HIGHEST; order++) {
+        const double *before = next - order;
+        for (int k = 0; k < order; k++)
+            *next++ = before[k] * x;
+        *next++ = power *= y;
+    }
+}
+
+static double sum_of(const double *weight, const double *term)
 {
     double sum = 0.0;
-    for (int i = HIGHEST; i >= 0; i--) {
-        double line = 0.0;
-        for (int k = HIGHEST - i; k >= 0; k--)
-            line = line * x + of->weight[i][k];
-        sum = sum * y + line;
-    }
+    for (int k = 0; k < TERMS; k++)
+        sum += weight[k] * term[k];
     return sum;
 }
 
-static double at_tile(const surface *of, int tile)
-{
-    return at_place(of, hada_smooth_place(tile / TILES + 0.5, TILES), hada_smooth_place(tile % TILES + 0.5, TILES));
-}
-
-static void find_tiles(double *level, const blocks *b, float *room)
+static void find_tiles(tiles *t, const blocks *b, float *room)
 {
     for (int tile = 0; tile < TILES * TILES; tile++) {
         const int row = tile / TILES, col = tile % TILES;
@@ -194,24 +205,21 @@ static void find_tiles(double *level, const blocks *b, float *room)
                 const float *up = block(b, (size_t)i * (size_t)b->cols + (size_t)k), *down = up + b->pitch;
                 room[count++] = 0.25F * (up[0] + up[1] + down[0] + down[1]);
             }
-        level[tile] = hada_select_rank(room, count, (size_t)(TILE_RANK * (double)(count - 1)));
+        t->level[tile] = hada_select_rank(room, count, (size_t)(TILE_RANK * (double)(count - 1)));
+        find_terms(t->term[tile], hada_smooth_place(row + 0.5, TILES), hada_smooth_place(col + 0.5, TILES));
     }
 }
 
-/* One step to the lowest surface: the nearest one, `above` of a tile counting less. 0: there is none. */
-static int step_down(surface *to, int order, const double *level, const double *above)
+/* The nearest surface of so many terms, tiles above the one at hand counting less. 0: there is none. */
+static int step_down(surface *at, int terms, const tiles *t)
 {
-    double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0}, term[TERMS];
-    int terms = 0;
+    double normal[TERMS * TERMS] = {0.0}, right[TERMS] = {0.0};
     for (int tile = 0; tile < TILES * TILES; tile++) {
-        const double y = hada_smooth_place(tile / TILES + 0.5, TILES), x = hada_smooth_place(tile % TILES + 0.5, TILES);
-        const double counts = 1.0 / (1.0 + above[tile] * above[tile]);
-        terms = 0;
-        for (int i = 0; i <= order; i++)
-            for (int k = 0; k <= order - i; k++)
-                term[terms++] = pow(y, i) * pow(x, k);
+        const double *term = t->term[tile];
+        const double above = fmax(t->level[tile] - sum_of(at->weight, term), 0.0) / t->noise;
+        const double counts = 1.0 / (1.0 + above * above);
         for (int n = 0; n < terms; n++) {
-            right[n] += counts * term[n] * level[tile];
+            right[n] += counts * term[n] * t->level[tile];
             for (int k = 0; k <= n; k++)
                 normal[n * terms + k] += counts * term[n] * term[k];
         }
@@ -219,25 +227,19 @@ static int step_down(surface *to, int order, const double *level, const double *
     if (!hada_cholesky_factor(normal, terms))
         return 0;
     hada_cholesky_solve(normal, terms, right);
-    const double *found = right;
-    for (int i = 0; i <= order; i++)
-        for (int k = 0; k <= order - i; k++)
-            to->weight[i][k] = *found++;
+    memcpy(at->weight, right, (size_t)terms * sizeof *right);
     return 1;
 }
 
-static surface lowest_surface(const double *level, double noise, int order)
+/* The lowest surface, from above all tiles. */
+static surface lowest_surface(const tiles *t, int order)
 {
-    surface out = {0};
-    double above[TILES * TILES] = {0.0};
-    for (int step = 0; step < SURFACE_STEPS; step++) {
-        if (!step_down(&out, order, level, above))
+    surface out = {.weight = {INFINITY}};
+    for (int step = 0; step < SURFACE_STEPS; step++)
+        if (!step_down(&out, (order + 1) * (order + 2) / 2, t))
             return (surface){.left = 1.0};
-        for (int tile = 0; tile < TILES * TILES; tile++)
-            above[tile] = fmax(level[tile] - at_tile(&out, tile), 0.0) / noise;
-    }
     for (int tile = 0; tile < TILES * TILES; tile++) {
-        const double off = fabs(level[tile] - at_tile(&out, tile)) / noise;
+        const double off = fabs(t->level[tile] - sum_of(out.weight, t->term[tile])) / t->noise;
         out.near += (off < NEAR_TILE) / (double)(TILES * TILES);
         out.left += off * off / (1.0 + off * off) / (TILES * TILES);
     }
@@ -248,31 +250,29 @@ double hada_psf_take_uneven(float *pixels, int rows, int cols, double noise, flo
 {
     static const int orders[] = {1, CURVED, HIGHEST};
     const blocks b = {pixels, rows / 2, cols / 2, (size_t)cols};
-    double level[TILES * TILES], least = INFINITY, most = -INFINITY;
-    surface best;
-    int uneven = 0;
+    double term[TERMS], least = INFINITY, most = -INFINITY;
+    tiles t = {.noise = noise};
     if (!(noise > 0.0) || b.rows < LEAST_TILE * TILES || b.cols < LEAST_TILE * TILES)
         return 0.0;
-    find_tiles(level, &b, room);
-    best = lowest_surface(level, noise, 0);
+    find_tiles(&t, &b, room);
+    surface best = lowest_surface(&t, 0);
     for (size_t k = 0; k < HADA_COUNT(orders); k++) {
-        const surface next = lowest_surface(level, noise, orders[k]);
-        if (!(orders[k] <= CURVED && next.near >= MANY && next.near >= MORE * best.near) &&
-            !(next.near >= ALL && next.left <= HARDLY * best.left))
-            continue;
-        best = next;
-        uneven = 1;
+        const surface next = lowest_surface(&t, orders[k]);
+        if ((orders[k] <= CURVED && next.near >= MANY && next.near >= MORE * best.near) ||
+            (next.near >= ALL && next.left <= HARDLY * best.left))
+            best = next;
     }
-    if (!uneven)
-        return 0.0;
     for (int tile = 0; tile < TILES * TILES; tile++) {
-        least = fmin(least, at_tile(&best, tile));
-        most = fmax(most, at_tile(&best, tile));
+        least = fmin(least, sum_of(best.weight, t.term[tile]));
+        most = fmax(most, sum_of(best.weight, t.term[tile]));
     }
-    best.weight[0][0] -= least;
+    if (!(most > least)) /* a constant: even */
+        return 0.0;
+    best.weight[0] -= least;
     for (int row = 0; row < rows; row++)
-        for (int col = 0; col < cols; col++)
-            pixels[(size_t)row * (size_t)cols + (size_t)col] -=
-                (float)at_place(&best, hada_smooth_place(row + 0.5, rows), hada_smooth_place(col + 0.5, cols));
+        for (int col = 0; col < cols; col++) {
+            find_terms(term, hada_smooth_place(row + 0.5, rows), hada_smooth_place(col + 0.5, cols));
+            pixels[(size_t)row * (size_t)cols + (size_t)col] -= (float)sum_of(best.weight, term);
+        }
     return most - least;
 }

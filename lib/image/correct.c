@@ -114,15 +114,11 @@ done:
 hada_status hada_dark_of_sensor(hada_image *out, const hada_image *dark, int channels, hada_mosaic mosaic,
                                 hada_error *err)
 {
-    const size_t broken = hada_image_count_not_finite(dark), count = hada_image_count(dark);
+    const size_t broken = hada_image_count_not_finite(dark);
     if (broken)
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "the dark frame holds %zu values that are not finite", broken);
-    if (dark->channels != 1 || mosaic == HADA_MOSAIC_NONE) {
-        HADA_TRY(hada_image_create(out, channels ? channels : dark->channels, dark->rows, dark->cols, err));
-        for (size_t at = 0; at < hada_image_count(out); at += count)
-            memcpy(out->data + at, dark->data, count * sizeof *dark->data);
-        return HADA_OK;
-    }
+    if (dark->channels != 1 || mosaic == HADA_MOSAIC_NONE)
+        return hada_image_repeat(out, dark, channels ? channels : dark->channels, err);
     if (dark->rows < 2 || dark->cols < 2)
         return hada_fail(err, HADA_ERROR_SIZE, "a colour filter mosaic has at least 2 x 2 pixels");
     return hada_mosaic_colours(mosaic, dark, out, err);

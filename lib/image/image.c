@@ -38,17 +38,15 @@ hada_status hada_image_ensure(hada_image *image, int channels, int rows, int col
 
 hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error *err)
 {
-    HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
-    memcpy(out->data, image->data, hada_image_count(image) * sizeof *out->data);
-    return HADA_OK;
+    return hada_image_repeat(out, image, image->channels, err);
 }
 
-hada_status hada_image_of_grey(hada_image *out, const hada_image *grey, hada_error *err)
+hada_status hada_image_repeat(hada_image *out, const hada_image *image, int channels, hada_error *err)
 {
-    const size_t area = hada_image_count(grey);
-    HADA_TRY(hada_image_create(out, 3, grey->rows, grey->cols, err));
-    for (size_t c = 0; c < 3; c++)
-        memcpy(out->data + c * area, grey->data, area * sizeof *out->data);
+    const size_t count = hada_image_count(image);
+    HADA_TRY(hada_image_create(out, channels, image->rows, image->cols, err));
+    for (size_t at = 0; at < hada_image_count(out); at += count)
+        memcpy(out->data + at, image->data, count * sizeof *out->data);
     return HADA_OK;
 }
 

@@ -40,8 +40,8 @@ hada_status hada_image_ensure(hada_image *image, int channels, int rows, int col
 hada_status hada_image_magnify(hada_image *out, const hada_image *image, double scale, double row, double col, int rows,
                                int cols, hada_error *err);
 
-/* Red, green and blue that are each as an image of one channel. */
-hada_status hada_image_of_grey(hada_image *out, const hada_image *grey, hada_error *err);
+/* A copy with so many channels: those of the image, or each as its only one. */
+hada_status hada_image_repeat(hada_image *out, const hada_image *image, int channels, hada_error *err);
 
 /* hada_image_downsample() in place. */
 hada_status hada_image_bin(hada_image *image, int factor, hada_mosaic mosaic, int keep_saturated, hada_error *err);

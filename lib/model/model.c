@@ -1,11 +1,11 @@
 /* Models: making, checking, giving a net, freeing. */
 #include "model/model.h"
 
-#include <float.h>
 #include <hadalens/response.h>
 
 #include "core/callers.h"
 #include "core/fft_factor.h"
+#include "core/numbers.h"
 #include "netlist/net_list.h"
 
 static const char *const form_names[] = {"", "complex", "split", "matched", "wiener"};
@@ -175,15 +175,9 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
                          "PSFs that vary over the field have 1 to %d components, from as many positions at least, and "
                          "the boundary padded; the model says %d of %d",
                          HADA_MOST_COMPONENTS, info->components, info->positions);
-    if (info->distances_mm)
-        for (int z = 0; z < info->depths; z++)
-            if (!(info->distances_mm[z] > (z                  ? info->distances_mm[z - 1]
-                                           : info->depths > 1 ? 0.0
-                                                              : -DBL_MIN)) ||
-                !isfinite(info->distances_mm[z]))
-                return hada_fail(err, HADA_ERROR_MODEL,
-                                 "the model's distances must ascend, near to far, from above 0; number %d is %g mm", z,
-                                 info->distances_mm[z]);
+    hada_error wrong = {0};
+    if (hada_distances_check(info->distances_mm, info->depths, &wrong))
+        return hada_fail(err, HADA_ERROR_MODEL, "the model's distances must ascend: %s", wrong.message);
     return hada_geometry_of(info, &geometry, err);
 }
 

@@ -205,7 +205,7 @@ static hada_status set_channels(psfs *of, hada_image *image, hada_error *err)
     }
     const size_t area = (size_t)image->rows * (size_t)image->cols;
     if (image->channels == 1 && of->colour) {
-        HADA_TRY(hada_image_of_grey(&changed, image, err));
+        HADA_TRY(hada_image_repeat(&changed, image, 3, err));
         of->spread = 1;
     } else if (image->channels == 1 && raw) { /* of a camera with a mosaic, as it wrote it */
         HADA_TRY(hada_mosaic_colours(of->options.mosaic, image, &changed, err));

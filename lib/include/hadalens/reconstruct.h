@@ -202,8 +202,8 @@ typedef struct hada_report {
 typedef struct hada_result {
     int depths;                 /* computed */
     const double *distances_mm; /* per computed depth */
-    hada_image *planes;         /* per computed depth, channels x window, negative light set to 0; their pixels stand
-                                   behind each other: planes[0].data is the stack, [depth][channel][row][col] */
+    hada_image *planes;         /* one for each computed depth, channels x window; negative light is set to 0. They
+                                   share an array: planes[0].data is the stack, [depth][channel][row][col] */
     hada_image all_in_focus;    /* channels x window */
     hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus or light is noise */
     const hada_report *report;  /* NULL while the result is empty */
@@ -236,9 +236,9 @@ typedef struct hada_result_arrays {
 } hada_result_arrays;
 HADA_INIT(hada_result_arrays, HADA_STRUCT_RESULT_ARRAYS)
 
-/* From now on, until hada_result_destroy(), this result is written into these arrays, which must live as long. What it
- * held is gone. A run whose sizes are others fails with HADA_ERROR_SIZE; after a failure the arrays hold anything. They
- * share no memory with each other or the frame (HADA_ERROR_ARGUMENT). */
+/* From now on, until hada_result_destroy(), this result is written into these arrays, which must live as long. The
+ * result loses what it held. A run whose results have other sizes fails with HADA_ERROR_SIZE; after a failure the
+ * contents of the arrays are undefined. They must not overlap each other or the frame (HADA_ERROR_ARGUMENT). */
 HADA_API hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err);
 
 #ifdef __cplusplus

@@ -159,7 +159,7 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
                                    hada_error *err)
 {
     hada_fit_options options;
-    hada_look at = {.context = context, .options = &options};
+    hada_look at = {.context = context, .options = &options, .coarse = 1};
     int rows = 0, cols = 0;
     hada_status status = HADA_OK;
     HADA_NEED(callers && context && pairs, err);

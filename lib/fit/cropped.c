@@ -41,9 +41,9 @@ struct hada_fit_cropped {
     float *often, *scenes; /* how often a frequency of the half spectrum counts; Sxx */
     double *mean, *left, *trust;
     int64_t pairs;
-    int passes, done; /* iterations wanted, and done */
-    int passing;      /* pairs come */
-    int further;
+    int passes, done;  /* iterations wanted, and done */
+    int passing;       /* pairs come */
+    int further, even; /* even: all steps have the length 1 */
     double weight, factor;
     double round_left; /* sum of squares where the last round ended; 0: not known */
 };
@@ -127,13 +127,33 @@ static hada_status iterate(hada_fit_cropped *own, int filled, hada_error *err)
     return HADA_OK;
 }
 
+/* The first iteration is done: these are its transfer functions, and their image without negative values the guess. */
+static hada_status start_from(hada_fit_cropped *own, const float *start, hada_error *err)
+{
+    const hada_fit_grid *grid = own->grid;
+    const size_t plane = hada_model_info_plane(&grid->info), bytes = grid->layout.count * 2 * sizeof(float);
+    float *blocks;
+    hada_status status = HADA_OK;
+    HADA_TRY(HADA_NEW_RAW(blocks, grid->layout.count * 2, "transfer functions", err));
+    for (size_t c = 0; c < (size_t)grid->info.channels; c++) {
+        hada_layout_pack(&grid->layout, start + 2 * c * plane, blocks);
+        HADA_TRY_OR_DONE(hada_buffer_write(&own->transfers, grid->slot, c * bytes, blocks, bytes, err));
+    }
+    HADA_TRY_OR_DONE(hada_nonnegative_begin(own->nonnegative, grid->info.channels, own->transfers.mem, err));
+    own->done = 1;
+done:
+    free(blocks);
+    return status;
+}
+
 hada_status hada_fit_cropped_begin(hada_fit_cropped *own, int64_t pairs, const double *scene_energy, int passes,
-                                   int further, hada_error *err)
+                                   int further, const float *start, hada_error *err)
 {
     own->pairs = pairs;
     own->passes = passes;
     own->done = own->passing = 0;
     own->further = further;
+    own->even = start != NULL;
     own->round_left = 0.0;
     for (int c = 0; c < own->grid->info.channels; c++) {
         own->mean[c] = scene_energy[c];
@@ -143,7 +163,7 @@ hada_status hada_fit_cropped_begin(hada_fit_cropped *own, int64_t pairs, const d
     if (further)
         return HADA_OK;
     own->weight = FIRST_WEIGHT;
-    return iterate(own, 0, err);
+    return start ? start_from(own, start, err) : iterate(own, 0, err);
 }
 
 /* What the pass left, in own->left; returns the sum over channels. */
@@ -184,7 +204,7 @@ static hada_status fill(hada_fit_cropped *own, double step, hada_error *err)
 static hada_status end_pass(hada_fit_cropped *own, hada_error *err)
 {
     const int place = own->done % ROUND;
-    const double step = own->done + 1 == own->passes ? 1.0 : lengths[place];
+    const double step = own->even || own->done + 1 == own->passes ? 1.0 : lengths[place];
     double left = 0.0;
     own->passing = 0;
     HADA_TRY(read_left(own, &left, err));
@@ -243,6 +263,22 @@ hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem weig
     return hada_launch_fit_gather(grid->slot, HADA_FIT_PROGRAM(FIT_WINDOW, 0, hada_fit_in_groups(grid)), &range, err,
                                   .g = own->pair->raw_spectrum.mem, .b = scene_spectrum, .sum = own->filled.mem,
                                   .vectors = vectors);
+}
+
+hada_status hada_fit_cropped_gather(hada_fit_cropped *own, const float *transfers, hada_error *err)
+{
+    const hada_fit_grid *grid = own->grid;
+    const size_t bytes = (size_t)grid->info.channels * grid->layout.count * 2 * sizeof(float);
+    HADA_TRY(hada_buffer_write(&own->transfers, grid->slot, 0, transfers, bytes, err));
+    HADA_TRY(hada_buffer_clear(&own->partial, grid->slot, 0, own->partial.bytes, err));
+    return hada_buffer_clear(&own->filled, grid->slot, 0, own->filled.bytes, err);
+}
+
+hada_status hada_fit_cropped_gathered(hada_fit_cropped *own, float *sums, hada_error *err)
+{
+    const hada_fit_grid *grid = own->grid;
+    const size_t bytes = (size_t)grid->info.channels * grid->layout.count * 2 * sizeof(float);
+    return hada_buffer_read(&own->filled, grid->slot, 0, sums, bytes, err);
 }
 
 hada_status hada_fit_cropped_explain(hada_fit_cropped *own, cl_mem raw, cl_mem weights, cl_mem scene_spectrum,

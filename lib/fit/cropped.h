@@ -27,15 +27,16 @@ enum { HADA_FIT_CROP_PASSES = 15, HADA_FIT_CROP_FURTHER = 6, HADA_FIT_LEAST_PASS
 
 typedef struct hada_fit_cropped hada_fit_cropped;
 
-/* The pair's spectra are used as said below; `nonnegative` is of the grid's size. */
+/* The pair's spectra are used as said below; `nonnegative` is of the grid's size, NULL: for gathering alone. */
 hada_status hada_fit_cropped_create(hada_fit_cropped **out, const hada_fit_sums *sums, hada_fit_pair *pair,
                                     hada_nonnegative *nonnegative, hada_error *err);
 void hada_fit_cropped_destroy(hada_fit_cropped **cropped);
 
 /* Begins with the sums on the device, of `pairs` pairs; scene_energy: per channel, the mean over frequencies of their
- * Sxx. further: from what is there, else from nothing. */
+ * Sxx. further: from what is there, else from `start` (coarse.h), [channel][plane] complex in rows, or (NULL) from
+ * nothing. With a start, steps are not made longer: what comes slowly is there. */
 hada_status hada_fit_cropped_begin(hada_fit_cropped *cropped, int64_t pairs, const double *scene_energy, int passes,
-                                   int further, hada_error *err);
+                                   int further, const float *start, hada_error *err);
 
 /* Whether another pass is to come; if so it begins. */
 hada_status hada_fit_cropped_next(hada_fit_cropped *cropped, int *more, hada_error *err);
@@ -44,6 +45,11 @@ hada_status hada_fit_cropped_next(hada_fit_cropped *cropped, int *more, hada_err
  * pair->raw_spectrum is overwritten. */
 hada_status hada_fit_cropped_pair(hada_fit_cropped *cropped, cl_mem raw, cl_mem weights, cl_mem scene_spectrum,
                                   hada_error *err);
+
+/* sum conj(X) F(crop F^-1(H X) - b) of the pairs that are given between the two, and nothing else, [channel][count] as
+ * the device has them. */
+hada_status hada_fit_cropped_gather(hada_fit_cropped *cropped, const float *transfers, hada_error *err);
+hada_status hada_fit_cropped_gathered(hada_fit_cropped *cropped, float *sums, hada_error *err);
 
 /* After the passes: the transfer functions of all channels, enqueued, [channel][layout.count]. raw_energy: per channel,
  * the mean over frequencies of Sbb; noise: per channel, receives |N|^2 of what is left of a frame, 0 where one pair
@@ -72,10 +78,11 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
                                      hada_fit_kept *kept, int passes, hada_error *err);
 void hada_fit_transfers_free(hada_fit_transfers *transfers);
 
-/* For a single depth: what is left of each frame of `held`, a sum of squares. Its pairs are not in the sums. light (may
+/* For a single depth: what is left of each frame of `held`, a sum of squares. Its pairs are not in the sums. coarse: 1:
+ * the passes begin from coarse transfer functions (coarse.h). light (may
  * be NULL): how much light of the first channel's scenes reaches the grid, |H(0)|. rest (may be NULL): all that is
  * left, [frame][channel][pixel]. */
-hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int passes, hada_fit_reader *held,
-                                    double *left, double *light, float *rest, hada_error *err);
+hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int passes, int coarse,
+                                    hada_fit_reader *held, double *left, double *light, float *rest, hada_error *err);
 
 #endif

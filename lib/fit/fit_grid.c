@@ -319,6 +319,38 @@ hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const
     return hada_fft_forward(pair->scene_fft, channels, pair->scene.mem, 0, pair->scene_spectrum.mem, 0, err);
 }
 
+hada_status hada_fit_stored_create(hada_fit_stored *stored, const hada_fit_pair *pair, hada_error *err)
+{
+    hada_context *context = pair->grid->slot->context;
+    hada_status status = HADA_OK;
+    *stored = (hada_fit_stored){0};
+    HADA_TRY_OR_DONE(hada_buffer_create(&stored->raw, context, pair->raw.bytes, "a raw frame", err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&stored->spectrum, context, pair->scene_spectrum.bytes, "a scene's spectrum", err));
+done:
+    if (status)
+        hada_fit_stored_free(stored);
+    return status;
+}
+
+void hada_fit_stored_free(hada_fit_stored *stored)
+{
+    HADA_DESTROY_BUFFERS(&stored->raw, &stored->weights, &stored->spectrum);
+}
+
+hada_status hada_fit_pair_upload(hada_fit_pair *pair, hada_buffer *raw, hada_buffer *weights,
+                                 const hada_buffer *spectrum, hada_error *err)
+{
+    hada_slot *slot = pair->grid->slot;
+    HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
+    if (pair->weighted && !weights->bytes)
+        HADA_TRY(hada_buffer_create(weights, slot->context, pair->raw.bytes, "the weights of pixels", err));
+    if (pair->weighted)
+        HADA_TRY(hada_buffer_write(weights, slot, 0, pair->raw_weights, pair->raw.bytes, err));
+    HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));
+    return hada_fft_forward(pair->scene_fft, pair->grid->info.channels, pair->scene.mem, 0, spectrum->mem, 0, err);
+}
+
 hada_status hada_fit_pair_filter(hada_fit_pair *pair, hada_fft *inverse, const hada_fft_filter *filter, hada_error *err)
 {
     return hada_fft_inverse(inverse, pair->grid->info.channels, pair->raw_spectrum.mem, 0, pair->scene.mem, 0, filter,

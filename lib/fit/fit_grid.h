@@ -110,6 +110,18 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
 /* Spectra of pixels, `pair`'s own or others of that size; scene NULL: of the frame alone. */
 hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const float *scene, hada_error *err);
 
+/* A pair that stays on the device: pixels of the frame, their weights (empty: all alike), X. */
+typedef struct hada_fit_stored {
+    hada_buffer raw, weights, spectrum;
+} hada_fit_stored;
+hada_status hada_fit_stored_create(hada_fit_stored *stored, const hada_fit_pair *pair, hada_error *err);
+void hada_fit_stored_free(hada_fit_stored *stored);
+
+/* The pair that was read, to the device: the frame's pixels, their weights (created where there are any) and the
+ * scene's spectra. */
+hada_status hada_fit_pair_upload(hada_fit_pair *pair, hada_buffer *raw, hada_buffer *weights,
+                                 const hada_buffer *spectrum, hada_error *err);
+
 /* The frame through a filter (hada_fit_product) into the window: pixels of all channels in pair->scene. */
 hada_status hada_fit_pair_filter(hada_fit_pair *pair, hada_fft *inverse, const hada_fft_filter *filter,
                                  hada_error *err);

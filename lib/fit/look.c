@@ -183,8 +183,8 @@ hada_status hada_look_explain(const hada_look *at, int rows, int cols, const had
     HADA_TRY_OR_DONE(hada_fit_reader_create(&from, at->learned, &fitter->pair, options.monitor, WHY, err));
     HADA_TRY_OR_DONE(hada_fit_reader_create(&held, others, &fitter->pair, NULL, WHY, err));
     hada_slot_watch(fitter->grid.slot, options.monitor);
-    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, weighted ? WEIGHTED_PASSES : PASSES, &held, left,
-                                             light, rest, err));
+    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, weighted ? WEIGHTED_PASSES : PASSES, at->coarse,
+                                             &held, left, light, rest, err));
 done:
     hada_fit_reader_destroy(&from);
     hada_fit_reader_destroy(&held);

@@ -23,6 +23,7 @@ typedef struct hada_look {
     int depth, first, count, held; /* first: the number of the pair that comes first */
     int channel;                   /* from 1 on; 0: the middle one */
     int smooth;  /* 1: what is left of a frame counts but for a smooth surface (hada_smooth_term()) and noise */
+    int coarse;  /* 1: learned from coarse transfer functions on, so that light far beyond the sensor is found */
     int group;   /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
     int centred; /* 1: pairs are taken less the mean of those that are learned from, so that light that all frames hold
                     does not count; scenes are linear then */

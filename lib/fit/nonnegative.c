@@ -125,6 +125,14 @@ hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const ha
     return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
 }
 
+hada_status hada_nonnegative_begin(hada_nonnegative *plan, int channels, cl_mem transfers, hada_error *err)
+{
+    const hada_fit_clip_rule rule = {.relaxation = 1.0f, .dual_scale = 0.0f, .start = 1, .last = 1};
+    HADA_TRY(hada_fft_inverse(plan->inverse, channels, transfers, 0, plan->image.mem, 0, NULL, err));
+    HADA_TRY(clip(plan, channels, rule, err));
+    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
+}
+
 /* The image, or (last 0) the guess of a step to come, as the plan's spectra: without relaxation the state stays. */
 static hada_status bring_out(hada_nonnegative *plan, int channels, int last, hada_error *err)
 {

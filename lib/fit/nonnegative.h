@@ -54,6 +54,10 @@ typedef struct hada_nonnegative_weights {
     int start, last;
 } hada_nonnegative_weights;
 
+/* Enqueues the beginning from transfer functions, [channel][count]: u is their image where it is not negative, d = 0.
+ */
+hada_status hada_nonnegative_begin(hada_nonnegative *plan, int channels, cl_mem transfers, hada_error *err);
+
 /* Enqueues a step. out: NULL, or takes the transfer functions between data and image, [channel][count]. */
 hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
                                   const hada_nonnegative_weights *at, cl_mem out, hada_error *err);

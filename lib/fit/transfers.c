@@ -1,12 +1,11 @@
+#include "fit/coarse.h"
 #include "fit/cropped.h"
 
 /* The part of the device's memory that pairs may take. */
 enum { MEMORY_SHARE = 4 };
 
-/* A pair on the device. */
-typedef struct stored {
-    hada_buffer raw, weights, spectrum; /* pixels of the frame, their weights (empty: all alike), X */
-} stored;
+/* One pair does not settle what lies beyond the sensor: coarse transfer functions need so many. */
+enum { LEAST_COARSE = 2 };
 
 typedef struct passes {
     hada_fit_sums *sums;
@@ -16,7 +15,10 @@ typedef struct passes {
     hada_nonnegative *nonnegative;
     int z; /* the depth, and of its pairs: */
     int64_t count;
-    stored *stored;               /* NULL: read again in every pass */
+    hada_fit_stored *stored;      /* NULL: read again in every pass */
+    hada_fit_coarse *coarse;      /* where they begin; NULL: from nothing */
+    unsigned char *left_out;      /* of each pair: it has no part */
+    float *start;                 /* transfer functions of all channels, in rows */
     double *scene_energy, *noise; /* per channel */
     float *blocks;
 } passes;
@@ -25,20 +27,6 @@ void hada_fit_transfers_free(hada_fit_transfers *transfers)
 {
     HADA_FREE(transfers->otf, transfers->noise);
     *transfers = (hada_fit_transfers){0};
-}
-
-/* The pair that was read, to the device: the frame's pixels, their weights and the scene's spectra. */
-static hada_status upload(hada_fit_pair *pair, hada_buffer *raw, hada_buffer *weights, const hada_buffer *spectrum,
-                          hada_error *err)
-{
-    hada_slot *slot = pair->grid->slot;
-    HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
-    if (pair->weighted && !weights->bytes)
-        HADA_TRY(hada_buffer_create(weights, slot->context, pair->raw.bytes, "the weights of pixels", err));
-    if (pair->weighted)
-        HADA_TRY(hada_buffer_write(weights, slot, 0, pair->raw_weights, pair->raw.bytes, err));
-    HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));
-    return hada_fft_forward(pair->scene_fft, pair->grid->info.channels, pair->scene.mem, 0, spectrum->mem, 0, err);
 }
 
 /* Of the pair that was taken to the device with its own buffers. */
@@ -51,9 +39,12 @@ static void release(passes *with)
 {
     hada_slot_finish(with->from->pair->grid->slot, NULL);
     for (int64_t i = 0; with->stored && i < with->count; i++)
-        HADA_DESTROY_BUFFERS(&with->stored[i].raw, &with->stored[i].weights, &with->stored[i].spectrum);
-    free(with->stored);
+        hada_fit_stored_free(&with->stored[i]);
+    HADA_FREE(with->stored, with->left_out);
     with->stored = NULL;
+    with->left_out = NULL;
+    if (with->coarse)
+        hada_fit_coarse_clear(with->coarse);
 }
 
 /* Room on the device for the depth's pairs, unless they are too many. */
@@ -65,11 +56,8 @@ static hada_status reserve(passes *with, hada_error *err)
     if ((double)with->count * each > (double)(context->info.memory_bytes / MEMORY_SHARE))
         return HADA_OK;
     HADA_TRY(HADA_NEW(with->stored, (size_t)with->count, "pairs", err));
-    for (int64_t i = 0; i < with->count; i++) {
-        HADA_TRY(hada_buffer_create(&with->stored[i].raw, context, pair->raw.bytes, "a raw frame", err));
-        HADA_TRY(hada_buffer_create(&with->stored[i].spectrum, context, pair->scene_spectrum.bytes,
-                                    "a scene's spectrum", err));
-    }
+    for (int64_t i = 0; i < with->count; i++)
+        HADA_TRY(hada_fit_stored_create(&with->stored[i], pair, err));
     return HADA_OK;
 }
 
@@ -94,12 +82,15 @@ static hada_status open_depth(passes *with, int z, hada_error *err)
         status = HADA_OK;
     }
     HADA_TRY(status);
+    HADA_TRY(HADA_NEW(with->left_out, (size_t)with->count, "pairs", err));
     hada_fit_reader_clear(with->from);
     for (int64_t i = 0; i < with->count; i++) {
         HADA_TRY(hada_fit_read(with->from, z, i, i + 1, err));
         if (with->stored)
-            HADA_TRY(upload(with->from->pair, &with->stored[i].raw, &with->stored[i].weights, &with->stored[i].spectrum,
-                            err));
+            HADA_TRY(hada_fit_pair_upload(with->from->pair, &with->stored[i].raw, &with->stored[i].weights,
+                                          &with->stored[i].spectrum, err));
+        if (with->coarse)
+            HADA_TRY(hada_fit_coarse_add(with->coarse, with->from->pair, err));
     }
     return hada_fit_reader_check(with->from, z, with->sums->depth[z].raw_energy, err);
 }
@@ -141,12 +132,12 @@ static hada_status pass(passes *with, int out, hada_error *err)
         if (is_left_out(with, i, out))
             continue;
         if (with->stored) {
-            const stored *at = &with->stored[i];
+            const hada_fit_stored *at = &with->stored[i];
             HADA_TRY(hada_fit_cropped_pair(with->cropped, at->raw.mem, at->weights.mem, at->spectrum.mem, err));
             continue;
         }
         HADA_TRY(hada_fit_read(with->from, with->z, i, i + 1, err));
-        HADA_TRY(upload(pair, &pair->raw, &pair->weights, &pair->scene_spectrum, err));
+        HADA_TRY(hada_fit_pair_upload(pair, &pair->raw, &pair->weights, &pair->scene_spectrum, err));
         HADA_TRY(hada_fit_cropped_pair(with->cropped, pair->raw.mem, weights_of(pair), pair->scene_spectrum.mem, err));
     }
     return HADA_OK;
@@ -158,7 +149,14 @@ static hada_status solve(passes *with, int out, int count, int further, const ha
     int64_t left;
     int more = 0;
     HADA_TRY(hold_out(with, out, &left, err));
-    HADA_TRY(hada_fit_cropped_begin(with->cropped, left, with->scene_energy, count, further, err));
+    const int coarse = with->coarse && left >= LEAST_COARSE;
+    if (coarse && !further) {
+        for (int64_t i = 0; i < with->count; i++)
+            with->left_out[i] = (unsigned char)is_left_out(with, i, out);
+        HADA_TRY(hada_fit_coarse_solve(with->coarse, with->left_out, with->start, err));
+    }
+    HADA_TRY(hada_fit_cropped_begin(with->cropped, left, with->scene_energy, count, further,
+                                    coarse ? with->start : NULL, err));
     HADA_TRY(hada_fit_cropped_next(with->cropped, &more, err));
     while (more) {
         HADA_TRY(pass(with, out, err));
@@ -245,7 +243,7 @@ static hada_status give_depth(passes *with, int z, hada_fit_transfers *out, hada
     return HADA_OK;
 }
 
-static hada_status make_room(passes *with, hada_error *err)
+static hada_status make_room(passes *with, int coarse, hada_error *err)
 {
     const hada_fit_grid *grid = with->sums->grid;
     const hada_model_info *info = &grid->info;
@@ -253,6 +251,10 @@ static hada_status make_room(passes *with, hada_error *err)
     HADA_TRY(HADA_NEW(with->scene_energy, channels, "a fit", err));
     HADA_TRY(HADA_NEW(with->noise, channels, "a fit", err));
     HADA_TRY(HADA_NEW_RAW(with->blocks, 2 * grid->stride, "a transfer function", err));
+    if (coarse)
+        HADA_TRY(hada_fit_coarse_create(&with->coarse, grid, with->from->monitor, err));
+    if (with->coarse)
+        HADA_TRY(HADA_NEW_RAW(with->start, 2 * channels * hada_model_info_plane(info), "transfer functions", err));
     HADA_TRY(
         hada_nonnegative_create(&with->nonnegative, grid->slot, info->grid_rows, info->grid_cols, info->channels, err));
     return hada_fit_cropped_create(&with->cropped, with->sums, with->from->pair, with->nonnegative, err);
@@ -262,7 +264,8 @@ static void free_room(passes *with)
 {
     hada_fit_cropped_destroy(&with->cropped);
     hada_nonnegative_destroy(&with->nonnegative);
-    HADA_FREE(with->scene_energy, with->noise, with->blocks);
+    hada_fit_coarse_destroy(&with->coarse);
+    HADA_FREE(with->scene_energy, with->noise, with->blocks, with->start);
 }
 
 hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_reader *from,
@@ -274,7 +277,7 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
     const hada_communicator *ranks = &sums->grid->communicator;
     hada_status status = HADA_OK;
     *out = (hada_fit_transfers){0};
-    HADA_TRY_OR_DONE(make_room(&with, err));
+    HADA_TRY_OR_DONE(make_room(&with, info->boundary == HADA_BOUNDARY_PADDED, err));
     HADA_TRY_OR_DONE(HADA_NEW(out->noise, images, "transfer functions", err));
     HADA_TRY_OR_DONE(HADA_NEW_RAW(out->otf, images * hada_model_info_plane(info) * 2, "transfer functions", err));
     for (int z = 0; z < info->depths; z++)
@@ -290,8 +293,8 @@ done:
     return status;
 }
 
-hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int count, hada_fit_reader *held,
-                                    double *left, double *light, float *rest, hada_error *err)
+hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int count, int coarse,
+                                    hada_fit_reader *held, double *left, double *light, float *rest, hada_error *err)
 {
     const size_t floats = hada_fit_raw_floats(sums->grid);
     float direct[2] = {0.0f};
@@ -300,7 +303,7 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, 
     hada_fit_pair *pair = held->pair;
     const hada_buffer *transfers = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(make_room(&with, err));
+    HADA_TRY_OR_DONE(make_room(&with, coarse, err));
     HADA_TRY_OR_DONE(open_depth(&with, 0, err));
     HADA_TRY_OR_DONE(solve(&with, 0, count, 0, &transfers, err));
     if (light) {
@@ -309,7 +312,7 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, 
     }
     for (int k = 0; k < hada_dataset_get_info(held->pairs)->pairs; k++) {
         HADA_TRY_OR_DONE(hada_fit_read(held, 0, k, -1, err));
-        HADA_TRY_OR_DONE(upload(pair, &pair->raw, &pair->weights, &pair->scene_spectrum, err));
+        HADA_TRY_OR_DONE(hada_fit_pair_upload(pair, &pair->raw, &pair->weights, &pair->scene_spectrum, err));
         HADA_TRY_OR_DONE(hada_fit_cropped_explain(with.cropped, pair->raw.mem, weights_of(pair),
                                                   pair->scene_spectrum.mem, &left[k],
                                                   rest ? rest + (size_t)k * floats : NULL, err));

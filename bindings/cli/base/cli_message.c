@@ -217,9 +217,9 @@ void hada_cli_print_error(hada_cli *cli, hada_error *err)
         fprintf(stderr, "(--verbose shows more)\n");
 }
 
-/* How long the other ranks wait for the first to say why a command ends; and, told by a signal that the job ends, to be
- * ended: mpirun kills a second later. */
-enum { FIRST_SPEAKS_SECONDS = 1, JOB_ENDS_SECONDS = 10 };
+/* How long the other ranks wait for the first, which may be slow on a busy machine, to say why a command ends; and,
+ * told by a signal that the job ends, to be ended: mpirun kills a second later. */
+enum { FIRST_SPEAKS_SECONDS = 3, JOB_ENDS_SECONDS = 10 };
 
 void hada_cli_let_first_speak(const hada_cli *cli)
 {

@@ -15,14 +15,13 @@ enum { ITERATIONS = 60 };
 
 struct hada_fit_coarse {
     const hada_fit_grid *fine;
-    const hada_monitor *monitor;
     int cell;
     hada_fit_grid grid;
-    hada_fit_sums sums;
+    hada_fit_sums sums; /* empty: gathering needs its grid alone */
     hada_fit_pair pair;
     hada_fit_cropped *cropped;
     hada_fit_stored *stored;
-    size_t count, room;
+    size_t count;
     hada_buffer dark; /* a frame of zeros */
     float *often, *spectra, *rows;
     double *power, *h, *residual, *direction, *product; /* [channel][count], the last four complex */
@@ -43,11 +42,19 @@ static int cell_of(const hada_model_info *info)
     return found;
 }
 
-void hada_fit_coarse_clear(hada_fit_coarse *coarse)
+static void forget(hada_fit_coarse *coarse)
 {
     for (size_t i = 0; i < coarse->count; i++)
         hada_fit_stored_free(&coarse->stored[i]);
+    free(coarse->stored);
+    coarse->stored = NULL;
     coarse->count = 0;
+}
+
+hada_status hada_fit_coarse_begin(hada_fit_coarse *coarse, int64_t pairs, hada_error *err)
+{
+    forget(coarse);
+    return HADA_NEW(coarse->stored, (size_t)pairs, "pairs", err);
 }
 
 void hada_fit_coarse_destroy(hada_fit_coarse **pointer)
@@ -57,14 +64,12 @@ void hada_fit_coarse_destroy(hada_fit_coarse **pointer)
         return;
     if (coarse->grid.slot)
         hada_slot_finish(coarse->grid.slot, NULL);
-    hada_fit_coarse_clear(coarse);
+    forget(coarse);
     hada_fit_cropped_destroy(&coarse->cropped);
     hada_buffer_destroy(&coarse->dark);
-    if (coarse->sums.grid)
-        hada_fit_sums_destroy(&coarse->sums);
     hada_fit_pair_destroy(&coarse->pair);
     hada_fit_grid_destroy(&coarse->grid);
-    HADA_FREE(coarse->stored, coarse->often, coarse->spectra, coarse->rows, coarse->power, coarse->h, coarse->residual,
+    HADA_FREE(coarse->often, coarse->spectra, coarse->rows, coarse->power, coarse->h, coarse->residual,
               coarse->direction, coarse->product, coarse->weight, coarse->first, coarse->norm, coarse);
 }
 
@@ -116,11 +121,10 @@ hada_status hada_fit_coarse_create(hada_fit_coarse **out, const hada_fit_grid *f
         return HADA_OK;
     HADA_TRY(HADA_NEW(coarse, 1, "coarse transfer functions", err));
     coarse->fine = fine;
-    coarse->monitor = monitor;
     coarse->cell = cell_of(&fine->info);
     HADA_TRY_OR_DONE(make_grid(coarse, err));
     hada_slot_watch(coarse->grid.slot, monitor);
-    HADA_TRY_OR_DONE(hada_fit_sums_create(&coarse->sums, &coarse->grid, err));
+    coarse->sums.grid = &coarse->grid;
     HADA_TRY_OR_DONE(hada_fit_pair_create(&coarse->pair, &coarse->grid, err));
     HADA_TRY_OR_DONE(hada_fit_cropped_create(&coarse->cropped, &coarse->sums, &coarse->pair, NULL, err));
     HADA_TRY_OR_DONE(make_room(coarse, err));
@@ -179,20 +183,10 @@ static void reduce(hada_fit_coarse *coarse, const hada_fit_pair *from)
 
 hada_status hada_fit_coarse_add(hada_fit_coarse *coarse, const hada_fit_pair *pair, hada_error *err)
 {
-    if (coarse->count == coarse->room) {
-        const size_t room = 2 * coarse->room + 8;
-        hada_fit_stored *more = NULL;
-        HADA_TRY(HADA_NEW(more, room, "pairs", err));
-        if (coarse->count)
-            memcpy(more, coarse->stored, coarse->count * sizeof *more);
-        free(coarse->stored);
-        coarse->stored = more;
-        coarse->room = room;
-    }
+    hada_fit_stored *last = &coarse->stored[coarse->count];
     reduce(coarse, pair);
-    HADA_TRY(hada_fit_stored_create(&coarse->stored[coarse->count], &coarse->pair, err));
+    HADA_TRY(hada_fit_stored_create(last, &coarse->pair, err));
     coarse->count++;
-    hada_fit_stored *last = &coarse->stored[coarse->count - 1];
     return hada_fit_pair_upload(&coarse->pair, &last->raw, &last->weights, &last->spectrum, err);
 }
 

@@ -20,8 +20,8 @@ hada_status hada_fit_coarse_create(hada_fit_coarse **out, const hada_fit_grid *f
                                    hada_error *err);
 void hada_fit_coarse_destroy(hada_fit_coarse **coarse);
 
-/* Forgets all pairs. */
-void hada_fit_coarse_clear(hada_fit_coarse *coarse);
+/* Forgets all pairs; so many are added next. */
+hada_status hada_fit_coarse_begin(hada_fit_coarse *coarse, int64_t pairs, hada_error *err);
 
 /* Takes the pair that was read into `pair`, of the fine grid. */
 hada_status hada_fit_coarse_add(hada_fit_coarse *coarse, const hada_fit_pair *pair, hada_error *err);

@@ -113,6 +113,15 @@ static hada_status clip(hada_nonnegative *plan, int channels, hada_fit_clip_rule
                                 .v = plan->state.mem, .rule = rule, .vectors = vectors);
 }
 
+/* From transfer functions to the next guess, by a step of their images. */
+static hada_status constrain(hada_nonnegative *plan, int channels, cl_mem transfers, hada_fit_clip_rule rule,
+                             hada_error *err)
+{
+    HADA_TRY(hada_fft_inverse(plan->inverse, channels, transfers, 0, plan->image.mem, 0, NULL, err));
+    HADA_TRY(clip(plan, channels, rule, err));
+    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
+}
+
 hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
                                   const hada_nonnegative_weights *at, cl_mem out, hada_error *err)
 {
@@ -120,17 +129,13 @@ hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const ha
         .relaxation = (float)at->relaxation, .dual_scale = (float)at->dual_scale, .start = at->start, .last = at->last};
     const cl_mem transfers = out ? out : plan->spectrum.mem;
     HADA_TRY(blend(plan, channels, data, at->weight, NULL, !at->start, transfers, 0, err));
-    HADA_TRY(hada_fft_inverse(plan->inverse, channels, transfers, 0, plan->image.mem, 0, NULL, err));
-    HADA_TRY(clip(plan, channels, rule, err));
-    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
+    return constrain(plan, channels, transfers, rule, err);
 }
 
 hada_status hada_nonnegative_begin(hada_nonnegative *plan, int channels, cl_mem transfers, hada_error *err)
 {
     const hada_fit_clip_rule rule = {.relaxation = 1.0f, .dual_scale = 0.0f, .start = 1, .last = 1};
-    HADA_TRY(hada_fft_inverse(plan->inverse, channels, transfers, 0, plan->image.mem, 0, NULL, err));
-    HADA_TRY(clip(plan, channels, rule, err));
-    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
+    return constrain(plan, channels, transfers, rule, err);
 }
 
 /* The image, or (last 0) the guess of a step to come, as the plan's spectra: without relaxation the state stays. */

@@ -43,8 +43,6 @@ static void release(passes *with)
     HADA_FREE(with->stored, with->left_out);
     with->stored = NULL;
     with->left_out = NULL;
-    if (with->coarse)
-        hada_fit_coarse_clear(with->coarse);
 }
 
 /* Room on the device for the depth's pairs, unless they are too many. */
@@ -83,6 +81,8 @@ static hada_status open_depth(passes *with, int z, hada_error *err)
     }
     HADA_TRY(status);
     HADA_TRY(HADA_NEW(with->left_out, (size_t)with->count, "pairs", err));
+    if (with->coarse)
+        HADA_TRY(hada_fit_coarse_begin(with->coarse, with->count, err));
     hada_fit_reader_clear(with->from);
     for (int64_t i = 0; i < with->count; i++) {
         HADA_TRY(hada_fit_read(with->from, z, i, i + 1, err));

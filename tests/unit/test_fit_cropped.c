@@ -699,6 +699,7 @@ TEST(coarse_transfer_functions_solve_their_equations)
     const size_t fine = hada_model_info_plane(&grid->info), pitch = CELL * LONG / 2 + 1;
     SCOPED_MEMORY float *otf = malloc(2 * CHANNELS * fine * sizeof *otf);
     ASSERT_OK(hada_fit_coarse_create(&coarse, grid, NULL, err));
+    ASSERT_OK(hada_fit_coarse_begin(coarse, PAIRS, err));
     for (int i = 0; i < PAIRS; i++) {
         hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i], NULL);
         ASSERT_OK(hada_fit_coarse_add(coarse, &fitter->pair, err));

@@ -1,5 +1,4 @@
-/* Whether light leaves the sensor, and the smallest grid that suffices: from a few pairs, before a fit. On that grid,
- * the dark level more precisely. */
+/* Whether light leaves the sensor, and the smallest grid that suffices: from a few pairs, before a fit. */
 
 #include "fit/look.h"
 
@@ -14,11 +13,6 @@
 enum { FEW_PAIRS = HADA_LOOK_LEAST, FEW_DEPTHS = 3 };
 #define LEAST_RATIO 0.93
 #define MOST_RATIO  1.4
-
-/* The dark level is the least of a parabola through what is left with it and, this share of it apart, two others; it
- * changes by MOST_STEPS such steps. */
-#define DARK_STEP  0.1
-#define MOST_STEPS 5.0
 
 /* What may be left where the largest grid leaves so much: squares of Gaussian noise have a variance of 2. */
 static double most_of(const hada_look *at, double left)
@@ -97,28 +91,6 @@ static hada_status search_few(hada_look *at, const hada_dataset *pairs, int *row
     *rows = options->raw_rows;
     *cols = options->raw_cols;
     return HADA_OK;
-}
-
-hada_status hada_fit_refine_dark(hada_fit_options *callers, hada_context *context, const hada_dataset *pairs,
-                                 hada_error *err)
-{
-    hada_fit_options options = *callers;
-    hada_look at = {.context = context, .options = &options, .depth = hada_look_depth(callers, pairs)};
-    const double step = DARK_STEP * callers->dark;
-    double left[3];
-    hada_status status = HADA_OK;
-    if (at.depth == options.depths)
-        return HADA_OK;
-    HADA_TRY_OR_DONE(hada_look_take(&at, pairs, err));
-    for (int k = 0; k < 3; k++) {
-        options.dark = callers->dark + step * (k - 1);
-        HADA_TRY_OR_DONE(hada_look_left(&at, options.grid_rows, options.grid_cols, &left[k], err));
-    }
-    const double steps = hada_parabola_top(-left[0], -left[1], -left[2]);
-    callers->dark += step * fmin(fmax(steps, -MOST_STEPS), MOST_STEPS);
-done:
-    hada_look_return(&at);
-    return status;
 }
 
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)

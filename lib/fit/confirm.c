@@ -11,13 +11,6 @@
 #define SURE           0.7
 #define NEARLY_SURE    0.97
 #define SURE_WITH_DARK 0.5
-/* Light that is in all frames must leave so much less without it: on simulated cameras it left 0.01 to 0.31, in one
- * case with mixed colours and exposures 0.4, on real pairs 0.23; where there was none 0.34 and more. The same of light
- * of each frame's own, where smooth surfaces and noise do not count: 0.01 to 0.24; 0.24 and more where there was none
- * or light of all was found already, which is a special case of it, but for 0.05 of a wide point spread function, whose
- * model is better so (perf/results/learning.md). */
-#define LIGHT     0.32
-#define OWN_LIGHT 0.2
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
  * 1.4 to 1700 where they were linear. */
 #define ENCODED 0.9
@@ -39,13 +32,12 @@ typedef struct confirming {
 
 /* of->left: free(). `fit` has the depth of a pair that can be held out, or there are no rows. */
 static hada_status begin(confirming *of, hada_context *context, const hada_fit_options *fit, const hada_survey *survey,
-                         const hada_dataset *pairs, int smooth, hada_error *err)
+                         const hada_dataset *pairs, hada_error *err)
 {
     *of = (confirming){.options = *fit, .survey = survey, .pairs = pairs};
     of->at = (hada_look){.context = context, .options = &of->options, .depth = hada_look_depth(fit, pairs)};
     if (of->at.depth == fit->depths)
         return HADA_OK;
-    of->at.smooth = smooth;
     hada_look_ignore_light(&of->at, pairs, of->at.depth);
     for (; survey->rows[of->rows]; of->rows++) /* none where pairs do not fit */
         of->chosen = survey->rows[of->rows]->chosen ? of->rows : of->chosen;
@@ -154,7 +146,7 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
     const int looks = may_be_apart(survey, exposure);
     double left_alike = INFINITY, left_apart = INFINITY;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, 0, err));
+    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
     if (!of.rows || (of.rows == 1 && !looks))
         goto done;
     if (exposure != HADA_EXPOSURE_EACH)
@@ -178,8 +170,8 @@ done:
 }
 
 /* What is left of held-out frames of these pairs, with the response and exposures that leave least. */
-static hada_status left_of(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int smooth,
-                           double *left, hada_error *err)
+static hada_status left_of(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, double *left,
+                           hada_error *err)
 {
     confirming of = {0};
     hada_survey *survey = NULL;
@@ -187,7 +179,7 @@ static hada_status left_of(const hada_fit_options *fit, hada_context *context, c
     int row;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_AUTO, err));
-    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, smooth, err));
+    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
     if (!of.rows)
         goto done;
     HADA_TRY_OR_DONE(confirm(&of, 0, &row, left, err));
@@ -198,19 +190,6 @@ done:
     free(of.left);
     hada_survey_destroy(&survey);
     return status;
-}
-
-hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
-                                  const hada_dataset *dark, int own, double *before, int *better, hada_error *err)
-{
-    hada_fit_options without = *fit;
-    double after = 0.0;
-    without.dark = 0.0;
-    if (*before == 0.0)
-        HADA_TRY(left_of(fit, context, lit, own, before, err));
-    HADA_TRY(left_of(&without, context, dark, own, &after, err));
-    *better = after < *before * (own ? OWN_LIGHT : LIGHT);
-    return HADA_OK;
 }
 
 /* The variance of the frames of which some are held out, in the channel that is looked at. */
@@ -241,41 +220,35 @@ hada_status hada_fit_left_share(const hada_fit_options *fit, hada_context *conte
 {
     double variance;
     HADA_TRY(variance_of(fit, pairs, &variance, err));
-    HADA_TRY(left_of(fit, context, pairs, 0, share, err));
+    HADA_TRY(left_of(fit, context, pairs, share, err));
     *share /= variance;
     return HADA_OK;
 }
 
 /* The share that is left of held-out frames without the dark level, the light that all hold, or light of each frame's
- * own, whichever leaves least; infinite where none is found. */
+ * own that is found; infinite where none is. */
 static hada_status left_dark(const hada_fit_options *callers, hada_context *context, const hada_dataset *pairs,
                              double *left, hada_error *err)
 {
     hada_fit_options fit = *callers;
-    hada_dataset *above = NULL, *unlit = NULL;
+    hada_dataset *dark = NULL;
     hada_image surface = {0};
-    double with_surface = INFINITY, with_own = INFINITY, *light = NULL;
+    hada_own_light own = HADA_OWN_LIGHT_NONE;
+    double *light = NULL;
     hada_status status = HADA_OK;
     *left = INFINITY;
-    HADA_TRY_OR_DONE(hada_fit_find_dark(&fit, pairs, &surface, err));
-    if (fit.dark > 0.0)
-        HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, pairs, left, err));
-    if (surface.data) {
-        fit.dark = 0.0;
-        HADA_TRY_OR_DONE(hada_dataset_mend(&above, pairs, NULL, &surface, err));
-        HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, above, &with_surface, err));
-    }
-    fit.dark = 0.0;
-    HADA_TRY_OR_DONE(hada_fit_find_own_light(&fit, pairs, 1, &light, err));
-    if (light) {
-        HADA_TRY_OR_DONE(hada_dataset_unlit(&unlit, pairs, light, fit.channels, err));
-        HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, unlit, &with_own, err));
-    }
-    *left = fmin(*left, fmin(with_surface, with_own));
+    HADA_TRY_OR_DONE(hada_fit_find_dark(&fit, pairs, &surface, &own, err));
+    if (own)
+        HADA_TRY_OR_DONE(hada_fit_find_own_light(&fit, pairs, own == HADA_OWN_LIGHT_APART, &light, err));
+    if (light)
+        HADA_TRY_OR_DONE(hada_dataset_unlit(&dark, pairs, light, fit.channels, err));
+    else if (surface.data)
+        HADA_TRY_OR_DONE(hada_dataset_mend(&dark, pairs, NULL, &surface, err));
+    if (dark || fit.dark > 0.0)
+        HADA_TRY_OR_DONE(hada_fit_left_share(&fit, context, dark ? dark : pairs, left, err));
 done:
     free(light);
-    hada_dataset_destroy(&unlit);
-    hada_dataset_destroy(&above);
+    hada_dataset_destroy(&dark);
     hada_image_destroy(&surface);
     return status;
 }

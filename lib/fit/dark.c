@@ -1,20 +1,39 @@
-/* What the frames of pairs hold without the scenes' light: a dark level, or light of the room as a smooth surface. */
+/* What the frames of pairs hold without the scenes' light: a dark level, or light of the room as a smooth surface, of
+ * all frames or of each. Whichever leaves clearly least of frames that are held out, with the response and exposures
+ * that suit it, is taken; the simplest where several do. */
 #include <hadalens/response.h>
 
 #include "fit/fitter.h"
-#include "fit/sample.h"
+#include "fit/light_fit.h"
 #include "image/correct.h"
 #include "image/pixels.h"
 #include "image/statistics.h"
 
-/* Dark levels are tried in so many steps up to the darkest place of all frames, then between the best one's neighbours;
- * below LEAST_DARK of the brightest place none is looked for (of full scale it would be too much: 10 bits in a file of
- * 16 are small numbers). A level must leave less of the frames by this factor, surely (perf/results/learning.md). */
-enum { LEVELS = 6, SECTIONS = 10 };
-#define LEAST_DARK  1e-3
-#define DARK_BETTER 1.5
-/* A surface must leave less by this factor; whether it is right, confirm.c says. */
-#define SURFACE_BETTER 1.2
+/* Sides of the grids on which kinds are compared, and on which one is found exactly. */
+enum { COMPARED_ON = 64, FOUND_ON = 128 };
+/* Each pair is held out in one of so many turns, of few pairs alone in its depth. */
+enum { TURNS = 3 };
+/* Pairs of a depth from which on what lies beyond the sensor's edge follows from them. With so many and fewer a level
+ * or a surface is looked for as well as if no light left the sensor, which says more of each pair. */
+enum { MANY = 4 };
+/* Below this share of the brightest place no dark level is looked for (of full scale it would be too much: 10 bits in a
+ * file of 16 are small numbers). */
+#define LEAST_DARK 1e-3
+/* A level lies at most by this factor above the darkest place, which noise makes uncertain. */
+#define MOST_DARK 1.1
+/* Assumptions, from the simplest on, and the factor by which each must leave less, surely, than the one that is taken
+ * before it: on simulated cameras those that were right left 1.8 to 4000 times less, others as much, or for exposures
+ * and light of each frame up to 2.1 times less (perf/results/learning.md). */
+static const struct {
+    hada_light_kind kind;
+    int apart;
+    double less;
+} assumptions[] = {
+    {HADA_LIGHT_NONE, 0, 1.0},  {HADA_LIGHT_LEVEL, 0, 1.5},   {HADA_LIGHT_SURFACE, 0, 2.0}, {HADA_LIGHT_NONE, 1, 2.0},
+    {HADA_LIGHT_LEVEL, 1, 1.5}, {HADA_LIGHT_SURFACE, 1, 2.0}, {HADA_LIGHT_OWN, 0, 3.5},     {HADA_LIGHT_OWN, 1, 3.5},
+};
+
+#define NEARLY 1.3
 
 /* Of Gaussian noise one value in a hundred is so many standard deviations below the mean. */
 #define FIRST_PERCENTILE 2.326
@@ -33,108 +52,226 @@ static double darkest(const hada_sample *work)
     return least;
 }
 
-/* Logarithms of what is left of each frame less a level, with the response and exposures that leave least. */
-typedef struct left_over {
-    double level, log[HADA_SAMPLE_MOST], mean;
-} left_over;
-
-static void darken(hada_sample *work, double level)
+/* The most pairs that a depth has. */
+static int most_of(const hada_sample *work)
 {
-    for (int k = 0; k < work->count; k++)
-        for (size_t i = 0; i < hada_image_count(&work->frame[k]); i++)
-            work->frame[k].data[i] -= (float)(level - work->dark);
-    work->dark = level;
+    int most = 0, count = 0;
+    for (int k = 0; k < work->count; k++) {
+        count = k && work->depth[k] == work->depth[k - 1] ? count + 1 : 1;
+        most = hada_most(most, count);
+    }
+    return most;
 }
 
-static left_over try_level(hada_sample *work, double level)
+/* A guess, and what it leaves of each frame that was held out: logarithms, and their mean. Light of each frame explains
+ * whatever is smooth, so it is judged by all that is left. */
+enum { COARSE = 0, WHOLE = 1 };
+typedef struct judged {
+    hada_light_guess guess;
+    double log[2][HADA_SAMPLE_MOST], mean[2];
+} judged;
+
+static int measure_of(hada_light_kind kind)
 {
-    left_over best = {.level = level, .mean = INFINITY};
-    darken(work, level);
-    hada_sample_compare(work);
-    for (int row = 0; row < 2 * work->tried; row++) {
-        const double *shares = work->unexplained[row / 2][row % 2];
-        left_over now = {.level = level};
+    return kind == HADA_LIGHT_OWN ? WHOLE : COARSE;
+}
+
+/* Holds out each pair in one turn, of which the first counts alone, unless `all`. */
+static void judge(hada_light_fit *fit, const hada_sample *work, int all, judged *of)
+{
+    hada_light_left left[HADA_SAMPLE_MOST];
+    int members = 0;
+    const int most = most_of(work), turns = most < 2 * TURNS ? most : TURNS;
+    for (int turn = 0; turn < (all ? turns : 1); turn++) {
+        unsigned char held[HADA_SAMPLE_MOST];
+        int number = 0;
         for (int k = 0; k < work->count; k++) {
-            now.log[k] = log(fmax(shares[k], HADA_LEAST_SHARE) * work->level.frame_energy[k]);
-            now.mean += now.log[k] / work->count;
+            number = k && work->depth[k] == work->depth[k - 1] ? number + 1 : 0;
+            held[k] = number % turns == turn;
         }
-        best = now.mean < best.mean ? now : best;
+        hada_light_fit_run(fit, work->options.channels / 2, of->guess, held, left, NULL);
+        for (int k = 0; k < work->count; k++)
+            if (held[k]) {
+                const double least = HADA_LEAST_SHARE * work->level.frame_energy[k];
+                of->log[COARSE][members] = log(fmax(left[k].coarse, least));
+                of->log[WHOLE][members++] = log(fmax(left[k].whole, least));
+            }
     }
+    for (int m = COARSE; m <= WHOLE; m++) {
+        of->mean[m] = 0.0;
+        for (int k = 0; k < members; k++)
+            of->mean[m] += of->log[m][k] / members;
+    }
+}
+
+/* The response with which an assumption leaves least. */
+static judged judge_responses(hada_light_fit *fit, const hada_sample *work, hada_light_kind kind, int apart)
+{
+    const int m = measure_of(kind);
+    judged best = {.mean = {INFINITY, INFINITY}};
+    for (int r = 0; r < work->tried; r++) {
+        judged now = {.guess = {.response = r, .apart = apart, .kind = kind}};
+        judge(fit, work, 0, &now);
+        best = now.mean[m] < best.mean[m] ? now : best;
+    }
+    judge(fit, work, 1, &best);
     return best;
 }
 
-/* By golden sections, after steps of one length. */
-static left_over best_level(hada_sample *work, left_over none, double most)
-{
-    const double golden = 0.5 * (sqrt(5.0) - 1.0), step = most / LEVELS;
-    left_over best = none;
-    for (int i = 1; i <= LEVELS; i++) {
-        const left_over now = try_level(work, i * step);
-        best = now.mean < best.mean ? now : best;
-    }
-    double low = fmax(0.0, best.level - step), high = fmin(most, best.level + step);
-    left_over left = try_level(work, high - golden * (high - low));
-    left_over right = try_level(work, low + golden * (high - low));
-    for (int i = 0; i < SECTIONS; i++)
-        if (left.mean < right.mean) {
-            high = right.level;
-            right = left;
-            left = try_level(work, high - golden * (high - low));
-        } else {
-            low = left.level;
-            left = right;
-            right = try_level(work, low + golden * (high - low));
-        }
-    best = left.mean < best.mean ? left : best;
-    return right.mean < best.mean ? right : best;
-}
+/* Assumptions as they were judged, once for each. */
+typedef struct judgements {
+    int known[HADA_COUNT(assumptions)];
+    judged of[HADA_COUNT(assumptions)];
+} judgements;
 
-/* The level where less is left of the frames with it, surely; otherwise none. */
-static left_over choose_level(hada_sample *work, left_over none, double most)
+/* The light of all frames, with a guess, in the mean over channels or as a surface of each. */
+static hada_status find_exactly(const hada_fit_options *options, const hada_dataset *pairs, const double *response,
+                                hada_light_guess guess, double *weight, hada_error *err)
 {
-    double less[HADA_SAMPLE_MOST];
-    const left_over best = best_level(work, none, most);
-    for (int k = 0; k < work->count; k++)
-        less[k] = none.log[k] - best.log[k];
-    return hada_sample_is_better(less, work->count, log(DARK_BETTER)) ? best : none;
-}
-
-/* The surface on the sensor, where less is left with it than otherwise, surely; no channel of it is dark in the mean.
- */
-static hada_status draw(const hada_sample *work, const hada_light *from, const left_over *otherwise, hada_image *out,
-                        hada_error *err)
-{
-    const hada_fit_options *options = &work->options;
-    if (!(otherwise->mean - from->mean > log(SURFACE_BETTER)))
-        return HADA_OK;
-    for (int c = 0; c < options->channels; c++)
-        if (!(hada_smooth_mean(from->weight + (size_t)c * HADA_SMOOTH_TERMS) > 0.0))
-            return HADA_OK;
-    HADA_TRY(hada_image_create(out, options->channels, options->raw_rows, options->raw_cols, err));
-    hada_smooth_add(from->weight, 1.0, out);
-    return HADA_OK;
-}
-
-/* With exposures alike or apart, as leaves less. */
-static hada_status find_surface(hada_sample *work, const left_over *otherwise, hada_image *out, hada_error *err)
-{
-    hada_light alike = {0}, apart = {0};
+    hada_sample work = {
+        .options = *options, .pairs = pairs, .counts = hada_dataset_get_info(pairs)->counts, .tried = 1};
+    hada_light_fit *fit = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, 0, &alike, err));
-    HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, 1, &apart, err));
-    HADA_TRY_OR_DONE(draw(work, apart.mean < alike.mean ? &apart : &alike, otherwise, out, err));
+    work.response = response;
+    work.grid = FOUND_ON;
+    guess.response = 0;
+    HADA_TRY_OR_DONE(hada_sample_begin(&work, err));
+    HADA_TRY_OR_DONE(hada_light_fit_create(&fit, &work, most_of(&work) >= MANY, err));
+    for (int c = 0; c < options->channels; c++)
+        hada_light_fit_run(fit, c, guess, NULL, NULL, weight + (size_t)c * HADA_SMOOTH_TERMS);
 done:
-    hada_light_free(&alike);
-    hada_light_free(&apart);
+    hada_light_fit_destroy(&fit);
+    hada_sample_end(&work);
     return status;
 }
 
-hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *found, hada_error *err)
+/* What was found, one way or another, on the sensor; nothing where a channel of it is dark in the mean. */
+static hada_status draw(const hada_fit_options *options, const double *weight, hada_image *surface, hada_error *err)
 {
-    hada_sample work = {.options = *options, .pairs = pairs, .counts = hada_dataset_get_info(pairs)->counts};
-    left_over none, level;
+    for (int c = 0; c < options->channels; c++)
+        if (!(hada_smooth_mean(weight + (size_t)c * HADA_SMOOTH_TERMS) > 0.0))
+            return HADA_OK;
+    HADA_TRY(hada_image_create(surface, options->channels, options->raw_rows, options->raw_cols, err));
+    hada_smooth_add(weight, 1.0, surface);
+    return HADA_OK;
+}
+
+static double mean_level(const hada_fit_options *options, const double *weight)
+{
+    double mean = 0.0;
+    for (int c = 0; c < options->channels; c++)
+        mean += weight[(size_t)c * HADA_SMOOTH_TERMS] / options->channels;
+    return mean;
+}
+
+static const judged *judgement(judgements *all, hada_light_fit *fit, const hada_sample *work, size_t a)
+{
+    if (!all->known[a])
+        all->of[a] = judge_responses(fit, work, assumptions[a].kind, assumptions[a].apart);
+    all->known[a] = 1;
+    return &all->of[a];
+}
+
+/* Whether nothing leaves much less than what is chosen: the most general kind of each measure holds all others. */
+static int is_least(judgements *all, hada_light_fit *fit, const hada_sample *work, hada_light_kind most,
+                    const judged *chosen)
+{
+    for (size_t a = 0; a < HADA_COUNT(assumptions); a++) {
+        const hada_light_kind kind = assumptions[a].kind;
+        const int m = measure_of(kind);
+        if ((kind == most || (kind == HADA_LIGHT_SURFACE && most > kind)) &&
+            chosen->mean[m] - judgement(all, fit, work, a)->mean[m] > log(NEARLY))
+            return 0;
+    }
+    return 1;
+}
+
+/* Kinds up to `most`. What leaves nearly as little as anything is taken at once. */
+static void choose_of_many(hada_light_fit *fit, const hada_sample *work, hada_light_kind most, judged *chosen)
+{
+    judgements all = {.known = {0}};
+    for (size_t a = 0; a < HADA_COUNT(assumptions); a++) {
+        const int m = measure_of(assumptions[a].kind);
+        double less[HADA_SAMPLE_MOST];
+        if (assumptions[a].kind > most)
+            continue;
+        const judged *now = judgement(&all, fit, work, a);
+        for (int k = 0; k < work->count; k++)
+            less[k] = chosen->log[m][k] - now->log[m][k];
+        if (!a || hada_sample_is_better(less, work->count, log(assumptions[a].less)))
+            *chosen = *now;
+        if (is_least(&all, fit, work, most, chosen))
+            return;
+    }
+}
+
+/* No light leaves the sensor: a level, or a surface, that leaves less than nothing does. A surface, which lost light
+ * looks like, and with many pairs a level leave less than nothing does if light may leave, too. */
+static void choose_of_few(hada_light_fit *fit, const hada_sample *work, hada_light_kind most, judged *chosen)
+{
+    judged before = judge_responses(fit, work, HADA_LIGHT_NONE, 0);
+    double crop[HADA_SAMPLE_MOST];
+    memcpy(crop, chosen->log[COARSE], sizeof crop);
+    const int many = most_of(work) >= MANY;
+    for (size_t a = 1; a < HADA_COUNT(assumptions); a++) {
+        const hada_light_kind kind = assumptions[a].kind;
+        if (kind > most || kind == HADA_LIGHT_OWN)
+            continue;
+        const int also = many || kind == HADA_LIGHT_SURFACE;
+        const judged now = judge_responses(fit, work, kind, assumptions[a].apart);
+        double less[HADA_SAMPLE_MOST];
+        for (int k = 0; k < work->count; k++)
+            less[k] = fmin(before.log[COARSE][k], also ? crop[k] : INFINITY) - now.log[COARSE][k];
+        if (hada_sample_is_better(less, work->count, log(assumptions[a].less)))
+            *chosen = before = now;
+    }
+}
+
+static hada_status choose(const hada_sample *work, hada_light_kind most, judged *chosen, hada_error *err)
+{
+    const int count = most_of(work);
+    hada_light_fit *fit = NULL;
+    HADA_TRY(hada_light_fit_create(&fit, work, 1, err));
+    if (count >= MANY)
+        choose_of_many(fit, work, most, chosen);
+    else
+        *chosen = judge_responses(fit, work, HADA_LIGHT_NONE, 0);
+    hada_light_fit_destroy(&fit);
+    if (count > MANY || chosen->guess.kind != HADA_LIGHT_NONE || chosen->guess.apart)
+        return HADA_OK;
+    HADA_TRY(hada_light_fit_create(&fit, work, 0, err));
+    choose_of_few(fit, work, most, chosen);
+    hada_light_fit_destroy(&fit);
+    return HADA_OK;
+}
+
+static hada_status take(hada_fit_options *options, const hada_dataset *pairs, const double *response,
+                        hada_light_guess guess, double darkest_place, hada_image *surface, hada_error *err)
+{
+    double *weight = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(HADA_NEW(weight, (size_t)options->channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
+    HADA_TRY_OR_DONE(find_exactly(options, pairs, response, guess, weight, err));
+    if (guess.kind == HADA_LIGHT_SURFACE)
+        HADA_TRY_OR_DONE(draw(options, weight, surface, err));
+    const double level = mean_level(options, weight);
+    if (guess.kind == HADA_LIGHT_LEVEL && level > 0.0 && level < MOST_DARK * darkest_place)
+        options->dark = level;
+done:
+    free(weight);
+    return status;
+}
+
+hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
+                               hada_own_light *own, hada_error *err)
+{
+    hada_sample work = {
+        .options = *options, .pairs = pairs, .counts = hada_dataset_get_info(pairs)->counts, .grid = COMPARED_ON};
+    judged chosen = {.mean = {0.0}};
     double least = 0.0;
     hada_status status = HADA_OK;
+    if (own)
+        *own = HADA_OWN_LIGHT_NONE;
     if (options->dark != 0.0 || hada_dataset_get_info(pairs)->dark_frame)
         options->find_dark = 0;
     if (!options->find_dark)
@@ -143,20 +280,51 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
     const double most = darkest(&work);
     for (int k = 0; k < work.count; k++)
         least = fmax(least, LEAST_DARK * (double)hada_image_brightest(&work.frame[k]));
-    if (work.count < HADA_SAMPLE_LEAST || (most < least && !found))
+    if (work.count < HADA_SAMPLE_LEAST || (most < least && !surface))
         goto done;
     hada_sample_forget(&work);
     hada_sample_try_responses(&work);
     HADA_TRY_OR_DONE(hada_sample_take(&work, err));
-    none = level = try_level(&work, 0.0);
-    if (most >= least)
-        level = choose_level(&work, none, most);
-    darken(&work, 0.0);
-    if (found)
-        HADA_TRY_OR_DONE(find_surface(&work, &level, found, err));
-    options->dark = level.level;
+    HADA_TRY_OR_DONE(choose(&work,
+                            own       ? HADA_LIGHT_OWN
+                            : surface ? HADA_LIGHT_SURFACE
+                                      : HADA_LIGHT_LEVEL,
+                            &chosen, err));
+    const double response = work.response[chosen.guess.response];
+    if (own && chosen.guess.kind == HADA_LIGHT_OWN)
+        *own = chosen.guess.apart ? HADA_OWN_LIGHT_APART : HADA_OWN_LIGHT_ALIKE;
+    else if (chosen.guess.kind == HADA_LIGHT_SURFACE || (chosen.guess.kind == HADA_LIGHT_LEVEL && most >= least))
+        HADA_TRY_OR_DONE(take(options, pairs, &response, chosen.guess, most, surface, err));
 done:
-    options->find_dark = !status && (options->dark > 0.0 || (found && found->data));
+    options->find_dark = !status && (options->dark > 0.0 || (surface && surface->data));
     hada_sample_end(&work);
+    return status;
+}
+
+hada_status hada_fit_refine_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)
+{
+    const hada_light_guess level = {.kind = HADA_LIGHT_LEVEL};
+    double *weight = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(HADA_NEW(weight, (size_t)options->channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
+    HADA_TRY_OR_DONE(find_exactly(options, pairs, &options->scene_response, level, weight, err));
+    options->dark = fmax(0.0, options->dark + mean_level(options, weight));
+done:
+    free(weight);
+    return status;
+}
+
+hada_status hada_fit_find_common_light(const hada_fit_options *options, const hada_dataset *pairs, hada_image *light,
+                                       hada_error *err)
+{
+    const hada_light_guess surface = {.kind = HADA_LIGHT_SURFACE};
+    double *weight = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(HADA_NEW(weight, (size_t)options->channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
+    HADA_TRY_OR_DONE(find_exactly(options, pairs, &options->scene_response, surface, weight, err));
+    HADA_TRY_OR_DONE(hada_image_create(light, options->channels, options->raw_rows, options->raw_cols, err));
+    hada_smooth_add(weight, 1.0, light);
+done:
+    free(weight);
     return status;
 }

@@ -88,19 +88,25 @@ hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *p
 hada_status hada_fit_find_bad_pixels(const hada_fit_options *sizes, const hada_dataset *pairs, hada_image *flat,
                                      size_t *found, hada_error *err);
 /* Where options->find_dark asks for it, and the pairs have no dark frame: the dark level with which they leave least of
- * held-out frames, into options->dark; and light that is in all frames, a smooth surface, which is created, of the
- * frames' channels and size (NULL: not looked for), where it may be better. options->find_dark becomes whether either
- * was found. */
+ * held-out frames, into options->dark, where they have one. Or, unless NULL, light that is in all frames, a smooth
+ * surface of their channels and size, which is created; or whether each frame has light of its own
+ * (hada_fit_find_own_light()), with exposures that are alike or differ. options->find_dark becomes whether a level or a
+ * surface was found. */
+typedef enum hada_own_light {
+    HADA_OWN_LIGHT_NONE = 0,
+    HADA_OWN_LIGHT_ALIKE = 1,
+    HADA_OWN_LIGHT_APART = 2
+} hada_own_light;
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
-                               hada_error *err);
-/* Finds the light that all frames hold beside that of their scenes: a smooth surface of each channel. *light is created
- * by the call. The pairs are of one exposure, fit->scene_response is known, and depths with fewer than three pairs do
- * not count. */
-hada_status hada_fit_find_common_light(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
-                                       hada_image *light, hada_error *err);
+                               hada_own_light *own, hada_error *err);
+/* The dark level of options more precisely, or light that all frames have beside it, a smooth surface of each channel,
+ * which is created: of pairs of one exposure, with scenes of options->scene_response. */
+hada_status hada_fit_refine_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
+hada_status hada_fit_find_common_light(const hada_fit_options *options, const hada_dataset *pairs, hada_image *light,
+                                       hada_error *err);
 /* Light that comes from no scene and differs from frame to frame, a smooth surface of each: [pair][channel]
- * [HADA_SMOOTH_TERMS], by hada_pair_number(), free(); NULL where it is clearly no better than one surface for all. For
- * depths with three pairs and more. apart: frames may differ in exposure as well. */
+ * [HADA_SMOOTH_TERMS], by hada_pair_number(), free(); NULL where a depth has fewer than three pairs. apart: frames may
+ * differ in exposure as well. */
 hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_dataset *pairs, int apart, double **light,
                                     hada_error *err);
 /* Whether frames, taken for linear, seem to be encoded so (hadalens/response.h): decoded, they are explained better. */
@@ -133,18 +139,9 @@ hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *con
 /* Among ranks: what the first of them has found. */
 hada_status hada_survey_agree(hada_survey *survey, const hada_communicator *ranks, const hada_dataset *pairs,
                               hada_error *err);
-/* Whether pairs without light that was found, `dark`, are clearly better explained than with it. own: each frame had
- * light of its own, which held-out frames have as well: what is left of them counts but for smooth surfaces. *before:
- * what is left with the light; 0: not known yet. */
-hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
-                                  const hada_dataset *dark, int own, double *before, int *better, hada_error *err);
 /* Makes a row the chosen one, with the exposures of another survey of the same pairs, which gets those that were there;
  * NULL: they are alike. */
 void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_survey *exposures);
-/* Makes the dark level that hada_fit_find_dark() found more precise: light that the sensor loses is in the model. */
-hada_status hada_fit_refine_dark(hada_fit_options *options, hada_context *context, const hada_dataset *pairs,
-                                 hada_error *err);
-
 /* Leaves out pairs that contradict the others of their depth: at most a third, in depths with 4 to 32 pairs; and scenes
  * that were cut off at white. *out: the pairs that stay. (*left_out)[depth][pair]: a hada_left_out. Both are NULL where
  * all stay. options->monitor gets a note for each pair that contradicts the others. */

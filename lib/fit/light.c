@@ -1,6 +1,6 @@
-/* Light in the frames of pairs that comes from no scene, such as a room's: smooth surfaces, one for all frames, or one
- * for each. What is left of a pair when the others of its depth predict it is linear in these surfaces, so they follow
- * from least squares, each pair by its energy. */
+/* Light in the frames of pairs that comes from no scene and differs from frame to frame: a smooth surface of each. What
+ * is left of a pair when the others of its depth predict it is linear in these surfaces, so they follow from least
+ * squares, each pair by its energy. */
 #include <float.h>
 
 #include "core/numbers.h"
@@ -9,22 +9,19 @@
 #include "image/correct.h"
 
 enum { TERMS = HADA_SMOOTH_TERMS };
-/* The diagonal of the equations is so much larger. Where each pair has its own light, what is as bright as its scene
- * might as well be a wide part of the point spread function: then there shall be no light. */
-#define SOLVABLE 1e-9
-#define LITTLE   1e-3
+/* The diagonal of the equations is so much larger: what is as bright as its scene might as well be a wide part of the
+ * point spread function, then there shall be no light. */
+#define LITTLE 1e-3
 
-/* Where each pair has its own light: pairs that are compared with each other at most, and at least. On small copies one
- * for each must leave less than one for all by this factor; whether it is right, confirm.c says. */
+/* Pairs that are compared with each other at most, and at least. */
 enum { TOGETHER = 10, OWN_LEAST = 3 };
-#define OWN_BETTER 1.5
 /* Turns in which exposures that differ are found beside light. */
 enum { TURNS = 6 };
 _Static_assert((int)TOGETHER <= (int)HADA_SAMPLE_MOST, "room for pairs");
 
 typedef struct equations {
     hada_sample *work;
-    int own, unknowns;      /* of a channel */
+    int unknowns;           /* of a channel */
     float *term;            /* [TERMS][plane] complex: what each shows */
     float *share;           /* [pair][plane] complex: of each frame that is left of a pair */
     float *left;            /* [1 + unknowns][plane] complex: of a pair, as it is and if an unknown showed */
@@ -58,11 +55,11 @@ static hada_status show_term(const equations *of, int k, hada_error *err)
     return HADA_OK;
 }
 
-static hada_status begin(equations *of, hada_sample *work, int own, hada_error *err)
+static hada_status begin(equations *of, hada_sample *work, hada_error *err)
 {
     static const char what[] = "light in the frames of pairs";
-    const size_t pairs = (size_t)work->count, n = (own ? pairs : 1) * TERMS, plane = 2 * work->level.plane;
-    *of = (equations){.work = work, .own = own, .unknowns = (int)n};
+    const size_t pairs = (size_t)work->count, n = pairs * TERMS, plane = 2 * work->level.plane;
+    *of = (equations){.work = work, .unknowns = (int)n};
     HADA_TRY(HADA_NEW_RAW(of->term, TERMS * plane, what, err));
     HADA_TRY(HADA_NEW_RAW(of->share, pairs * plane, what, err));
     HADA_TRY(HADA_NEW_RAW(of->left, (1 + n) * plane, what, err));
@@ -93,7 +90,7 @@ static void leave(equations *of, int pair, int channel)
         const float *share = of->share + (size_t)j * 2 * plane;
         for (int k = 0; k < TERMS && level->depth[j] == level->depth[pair]; k++) {
             const float *term = of->term + (size_t)k * 2 * plane;
-            float *to = of->left + (size_t)(1 + (of->own ? j : 0) * TERMS + k) * 2 * plane;
+            float *to = of->left + (size_t)(1 + j * TERMS + k) * 2 * plane;
             for (size_t i = 0; i < 2 * plane; i += 2) {
                 to[i] += share[i] * term[i] - share[i + 1] * term[i + 1];
                 to[i + 1] += share[i] * term[i + 1] + share[i + 1] * term[i];
@@ -102,7 +99,7 @@ static void leave(equations *of, int pair, int channel)
     }
 }
 
-/* The weights of a channel, [set][channel][term]. Adds what is left of each pair. */
+/* The weights of a channel, [pair][channel][term]. Adds what is left of each pair. */
 static void solve_channel(equations *of, int channel, double *weight)
 {
     hada_sample *work = of->work;
@@ -126,7 +123,7 @@ static void solve_channel(equations *of, int channel, double *weight)
         }
     }
     for (size_t a = 0; a < n; a++)
-        of->sum[a * n + a] = of->sum[a * n + a] * (1.0 + (of->own ? LITTLE : SOLVABLE)) + DBL_MIN;
+        of->sum[a * n + a] = of->sum[a * n + a] * (1.0 + LITTLE) + DBL_MIN;
     if (hada_cholesky_factor(of->sum, of->unknowns))
         hada_cholesky_solve(of->sum, of->unknowns, x);
     else
@@ -169,7 +166,7 @@ static void take_off(equations *of, const double *weight)
     for (size_t p = 0; p < (size_t)level->count; p++)
         for (size_t c = 0; c < channels; c++)
             for (size_t k = 0; k < TERMS; k++) {
-                const float w = (float)weight[((of->own ? p : 0) * channels + c) * TERMS + k];
+                const float w = (float)weight[(p * channels + c) * TERMS + k];
                 for (size_t i = 0; i < plane; i++)
                     level->frame[(p * channels + c) * plane + i] -= w * of->term[k * plane + i];
             }
@@ -198,67 +195,54 @@ static void solve_apart(equations *of, int response, double *weight)
     }
 }
 
-hada_status hada_sample_find_light(hada_sample *work, int own, int apart, hada_light *light, hada_error *err)
+/* The lights of the sample's pairs, [pair][channel][TERMS], with the response (*best, its number) that leaves least:
+ * the mean logarithm of what is left. */
+static hada_status find_light(hada_sample *work, int apart, double *light, int *best, hada_error *err)
 {
-    const size_t weights = (size_t)(own ? work->count : 1) * (size_t)work->options.channels * TERMS;
+    const size_t weights = (size_t)work->count * (size_t)work->options.channels * TERMS;
     equations of = {0};
-    hada_light now = {0};
+    double *now = NULL, least = INFINITY;
     hada_status status = HADA_OK;
-    *light = (hada_light){.mean = INFINITY};
-    HADA_TRY_OR_DONE(HADA_NEW(light->weight, weights, "light in the frames of pairs", err));
-    HADA_TRY_OR_DONE(HADA_NEW(now.weight, weights, "light in the frames of pairs", err));
-    HADA_TRY_OR_DONE(begin(&of, work, own, err));
+    HADA_TRY_OR_DONE(HADA_NEW(now, weights, "light in the frames of pairs", err));
+    HADA_TRY_OR_DONE(begin(&of, work, err));
     for (int r = 0; r < work->tried; r++) {
-        now = (hada_light){.weight = now.weight, .response = r};
+        double mean = 0.0;
         if (apart)
-            solve_apart(&of, r, now.weight);
+            solve_apart(&of, r, now);
         else
-            solve(&of, r, NULL, now.weight);
+            solve(&of, r, NULL, now);
         for (int i = 0; i < work->count; i++)
-            now.mean += log(fmax(of.rest[i], HADA_LEAST_SHARE * of.energy[i])) / work->count;
-        if (now.mean < light->mean) {
-            const hada_light before = *light;
-            *light = now;
-            now = before;
+            mean += log(fmax(of.rest[i], HADA_LEAST_SHARE * of.energy[i])) / work->count;
+        if (mean < least) {
+            least = mean;
+            *best = r;
+            memcpy(light, now, weights * sizeof *now);
         }
     }
 done:
     end(&of);
-    hada_light_free(&now);
+    free(now);
     return status;
 }
 
-void hada_light_free(hada_light *light)
+/* A group of pairs of a depth, from `first` on. The response of the first group is that of the others. *found: whether
+ * they are pairs that fit. */
+static hada_status find_group(hada_sample *work, int depth, int first, int count, int apart, double *light, int *found,
+                              hada_error *err)
 {
-    free(light->weight);
-    light->weight = NULL;
-}
-
-/* A group of pairs of a depth, from `first` on: their lights, to[pair][channel][TERMS]. `judges`: whether they are
- * worth it, into *found, and which response the others shall be looked at with. */
-static hada_status find_group(hada_sample *work, int depth, int first, int count, int judges, int apart, double *to,
-                              int *found, hada_error *err)
-{
-    hada_light all = {0}, own = {0};
+    int best = 0;
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         HADA_TRY_OR_DONE(hada_sample_take_pair(work, depth, first + i, err));
-    *found = work->count == count; /* else pairs do not fit */
+    *found = work->count == count;
     if (!*found)
         goto done;
-    HADA_TRY_OR_DONE(hada_sample_find_light(work, 1, apart, &own, err));
-    if (judges) {
-        HADA_TRY_OR_DONE(hada_sample_find_light(work, 0, apart, &all, err));
-        *found = all.mean - own.mean > log(OWN_BETTER);
-    }
-    memcpy(to, own.weight, (size_t)count * (size_t)work->options.channels * TERMS * sizeof *to);
+    HADA_TRY_OR_DONE(find_light(work, apart, light, &best, err));
     hada_sample_forget(work);
-    work->response += own.response;
+    work->response += best;
     work->tried = 1;
 done:
     hada_sample_forget(work);
-    hada_light_free(&all);
-    hada_light_free(&own);
     return status;
 }
 
@@ -268,7 +252,7 @@ hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_data
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
     const size_t each = (size_t)fit->channels * TERMS;
     hada_sample work = {.options = *fit, .pairs = pairs, .counts = info->counts};
-    int judges = 1, found = 1;
+    int found = 1;
     double *room = NULL;
     hada_status status = HADA_OK;
     *light = NULL;
@@ -277,15 +261,15 @@ hada_status hada_fit_find_own_light(const hada_fit_options *fit, const hada_data
         found = found && info->counts[z] >= OWN_LEAST;
     if (!found)
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_reducer_create(&work.reducer, &work.options, err));
+    HADA_TRY_OR_DONE(hada_reducer_create(&work.reducer, &work.options, 0, err));
     HADA_TRY_OR_DONE(hada_pair_level_create(&work.level, work.reducer.grid, fit->channels, TOGETHER, err));
     HADA_TRY_OR_DONE(HADA_NEW(room, TOGETHER * each, "light in the frames of pairs", err));
     HADA_TRY_OR_DONE(HADA_NEW(*light, (size_t)pairs->store->pairs * each, "light in the frames of pairs", err));
     for (int z = 0; z < info->depths && found; z++) {
         const int count = info->counts[z], groups = (count + TOGETHER - 1) / TOGETHER;
-        for (int g = 0; g < groups && found; g++, judges = 0) {
+        for (int g = 0; g < groups && found; g++) {
             const int first = count * g / groups, in_group = count * (g + 1) / groups - first;
-            HADA_TRY_OR_DONE(find_group(&work, z, first, in_group, judges, apart, room, &found, err));
+            HADA_TRY_OR_DONE(find_group(&work, z, first, in_group, apart, room, &found, err));
             for (int i = 0; i < in_group; i++)
                 memcpy(*light + (size_t)hada_pair_number(pairs, z, first + i) * each, room + (size_t)i * each,
                        each * sizeof *room);

@@ -15,7 +15,9 @@ static void choose_grid(hada_reducer *work)
     const int frame = options->raw_rows > options->raw_cols ? options->raw_rows : options->raw_cols;
     const int window = options->window_rows > options->window_cols ? options->window_rows : options->window_cols;
     const int narrow = hada_least(options->window_rows, options->window_cols);
-    work->factor = hada_least((frame + FRAME_SIDE - 1) / FRAME_SIDE, narrow / WINDOW_LEAST);
+    const int whole =
+        work->grid ? (frame + window + work->grid - 1) / work->grid : (frame + FRAME_SIDE - 1) / FRAME_SIDE;
+    work->factor = hada_least(whole, narrow / WINDOW_LEAST);
     work->factor = work->factor > 1 ? work->factor : 1;
     for (work->grid = 1; work->grid < (frame + window) / work->factor;)
         work->grid *= 2;
@@ -38,9 +40,9 @@ done:
     return status;
 }
 
-hada_status hada_reducer_create(hada_reducer *reducer, const hada_fit_options *options, hada_error *err)
+hada_status hada_reducer_create(hada_reducer *reducer, const hada_fit_options *options, int grid, hada_error *err)
 {
-    *reducer = (hada_reducer){.options = options, .response = HADA_RESPONSE_LINEAR};
+    *reducer = (hada_reducer){.options = options, .grid = grid, .response = HADA_RESPONSE_LINEAR};
     choose_grid(reducer);
     return HADA_NEW(reducer->room, (size_t)options->raw_rows * (size_t)options->raw_cols, "a raw frame", err);
 }
@@ -144,22 +146,6 @@ static double place_channel(const hada_pair_level *level, const hada_image *imag
     return light;
 }
 
-/* Two real images went through one transform: their spectra, from Z(k) and Z(-k). */
-static void part_spectra(const hada_pair_level *level, float *frame, float *scene)
-{
-    const size_t size = (size_t)level->fft.size;
-    for (size_t kx = 0; kx <= size / 2; kx++)
-        for (size_t ky = 0; ky < size; ky++) {
-            const float *at = level->work + 2 * (kx * size + ky);
-            const float *opposite = level->work + 2 * ((size - kx) % size * size + (size - ky) % size);
-            float *b = frame + 2 * (kx * size + ky), *x = scene + 2 * (kx * size + ky);
-            b[0] = 0.5f * (at[0] + opposite[0]);
-            b[1] = 0.5f * (at[1] - opposite[1]);
-            x[0] = 0.5f * (at[1] + opposite[1]);
-            x[1] = -0.5f * (at[0] - opposite[0]);
-        }
-}
-
 void hada_pair_level_put(hada_pair_level *level, int place, int depth, const hada_image *frame, const hada_image *scene)
 {
     double energy = 0.0, frame_light = 0.0, scene_light = 0.0;
@@ -168,7 +154,7 @@ void hada_pair_level_put(hada_pair_level *level, int place, int depth, const had
         frame_light += place_channel(level, frame, c, 0);
         scene_light += place_channel(level, scene, c, 1);
         hada_small_fft_run(&level->fft, level->work);
-        part_spectra(level, level->frame + first, level->scene + first);
+        hada_small_fft_part(&level->fft, level->work, level->frame + first, level->scene + first);
         for (size_t i = 0; i < level->plane; i++) {
             const float *b = level->frame + first + 2 * i;
             energy += weight_of(level, i) * ((double)b[0] * b[0] + (double)b[1] * b[1]);

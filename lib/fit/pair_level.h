@@ -19,7 +19,8 @@ typedef struct hada_reducer {
     float *room;      /* a channel of a frame */
 } hada_reducer;
 
-hada_status hada_reducer_create(hada_reducer *reducer, const hada_fit_options *options, hada_error *err);
+/* grid: a side that frame and window shall fill together, a power of two; 0: as wide as a survey needs it. */
+hada_status hada_reducer_create(hada_reducer *reducer, const hada_fit_options *options, int grid, hada_error *err);
 void hada_reducer_destroy(hada_reducer *reducer);
 /* Whether a pair is one that the fit will take. */
 int hada_reducer_fits(const hada_reducer *reducer, const hada_image *raw, const hada_image *scene);

@@ -72,7 +72,7 @@ hada_status hada_sample_take(hada_sample *work, hada_error *err)
 
 hada_status hada_sample_begin(hada_sample *work, hada_error *err)
 {
-    HADA_TRY(hada_reducer_create(&work->reducer, &work->options, err));
+    HADA_TRY(hada_reducer_create(&work->reducer, &work->options, work->grid, err));
     HADA_TRY(hada_pair_level_create(&work->level, work->reducer.grid, work->options.channels, HADA_SAMPLE_MOST, err));
     return hada_sample_take(work, err);
 }

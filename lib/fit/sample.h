@@ -23,11 +23,11 @@ typedef struct hada_sample {
     const hada_dataset *pairs;
     const int *counts; /* pairs of each depth */
     hada_progress progress;
+    int grid; /* as hada_reducer_create() has it */
     hada_reducer reducer;
     int tried; /* responses: 1 where it is given; 0: frames alone are looked at */
     const double *response;
     hada_pair_level level;
-    double dark; /* taken off the frames by who looks for a level */
     int count, depth[HADA_SAMPLE_MOST];
     double noise[HADA_SAMPLE_MOST]; /* of a reduced pixel, where frames alone are looked at */
     hada_image frame[HADA_SAMPLE_MOST], scene[HADA_SAMPLE_MOST][HADA_SAMPLE_RESPONSES];
@@ -48,18 +48,6 @@ void hada_sample_forget(hada_sample *sample);
 
 /* What is unexplained of each pair, by response, exposures alike and apart. */
 void hada_sample_compare(hada_sample *sample);
-
-/* Light in the frames that comes from no scene, a smooth surface in each channel: one for all, or (own) one for each
- * pair; weight: [1 or pair][channel][HADA_SMOOTH_TERMS]. It is that which leaves least of the pairs, each compared with
- * the others of its depth, with the response (its number) that leaves least: the mean logarithm of what is left. apart:
- * exposures of the pairs are found as well. */
-typedef struct hada_light {
-    double *weight;
-    int response;
-    double mean;
-} hada_light;
-hada_status hada_sample_find_light(hada_sample *sample, int own, int apart, hada_light *light, hada_error *err);
-void hada_light_free(hada_light *light);
 
 /* The geometric mean: shares of one response differ by ten from pair to pair, and their mean is that of the worst. */
 double hada_sample_mean(const double *shares, int count);

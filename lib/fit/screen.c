@@ -363,7 +363,7 @@ static hada_status screen(screening *of, unsigned char *const *leave, int *count
 /* Room for the pairs of a depth. */
 static hada_status make_levels(screening *of, hada_error *err)
 {
-    HADA_TRY(hada_reducer_create(&of->reducer, of->options, err));
+    HADA_TRY(hada_reducer_create(&of->reducer, of->options, 0, err));
     for (int r = 0; r < of->tried; r++) {
         HADA_TRY(hada_pair_level_create(&of->level[r], of->reducer.grid, of->options->channels, MOST_PAIRS, err));
         of->level[r].sharp = hada_look_is_lit(of->options, of->pairs);

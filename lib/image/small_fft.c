@@ -68,6 +68,36 @@ void hada_small_fft_run(const hada_small_fft *fft, float *data)
     columns(fft, data);
 }
 
+/* From Z(k) and Z(-k). */
+void hada_small_fft_part(const hada_small_fft *fft, const float *work, float *first, float *second)
+{
+    const size_t size = (size_t)fft->size;
+    for (size_t kx = 0; kx <= size / 2; kx++)
+        for (size_t ky = 0; ky < size; ky++) {
+            const float *at = work + 2 * (kx * size + ky);
+            const float *opposite = work + 2 * ((size - kx) % size * size + (size - ky) % size);
+            float *a = first + 2 * (kx * size + ky), *b = second + 2 * (kx * size + ky);
+            a[0] = 0.5f * (at[0] + opposite[0]);
+            a[1] = 0.5f * (at[1] - opposite[1]);
+            b[0] = 0.5f * (at[1] + opposite[1]);
+            b[1] = -0.5f * (at[0] - opposite[0]);
+        }
+}
+
+/* The conjugate of A + iB, so that a forward transform is the inverse one. */
+void hada_small_fft_join(const hada_small_fft *fft, const float *first, const float *second, float *work)
+{
+    const size_t size = (size_t)fft->size;
+    for (size_t kx = 0; kx < size; kx++)
+        for (size_t ky = 0; ky < size; ky++) {
+            const int half = 2 * kx <= size;
+            const size_t i = half ? kx * size + ky : (size - kx) * size + (size - ky) % size;
+            const float *a = first + 2 * i, *b = second + 2 * i, sign = half ? 1.0f : -1.0f;
+            work[2 * (kx * size + ky)] = a[0] - sign * b[1];
+            work[2 * (kx * size + ky) + 1] = -(sign * a[1] + b[0]);
+        }
+}
+
 double hada_small_fft_match(const hada_small_fft *fft, float *work, const float *other, double *row, double *col)
 {
     const int n = fft->size, mask = n - 1;

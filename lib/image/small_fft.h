@@ -20,6 +20,12 @@ void hada_small_fft_destroy(hada_small_fft *fft);
  * are exchanged, [kx][ky]. Twice gives the image mirrored in both directions, times size * size. */
 void hada_small_fft_run(const hada_small_fft *fft, float *data);
 
+/* Spectra of real images: half of one, [kx][ky] with kx from 0 to size / 2. Two images go through one transform, one of
+ * them in the real parts of `work`, the other in the imaginary parts: their spectra after it; and what has to be
+ * transformed to have both images, times size * size, the second one with the opposite sign. */
+void hada_small_fft_part(const hada_small_fft *fft, const float *work, float *first, float *second);
+void hada_small_fft_join(const hada_small_fft *fft, const float *first, const float *second, float *work);
+
 /* Transforms an image of one channel less its mean, with zeros beyond it; returns its energy. */
 double hada_small_fft_put(const hada_small_fft *fft, const hada_image *image, float *to);
 

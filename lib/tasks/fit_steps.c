@@ -162,9 +162,29 @@ done:
     return status;
 }
 
+/* A dark level that mixed colours hid, once these are known. */
+static hada_status find_level_again(const hada_survey *survey, const hada_dataset *data, hada_fit_options *fit,
+                                    hada_error *err)
+{
+    hada_fit_options known = *fit;
+    hada_dataset *even = NULL, *pure = NULL;
+    hada_status status = HADA_OK;
+    known.find_dark = 1;
+    known.scene_response = survey->response;
+    HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, data, err));
+    HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, even, fit->colour_matrix, err));
+    HADA_TRY_OR_DONE(hada_fit_find_dark(&known, pure, NULL, NULL, err));
+    fit->dark = known.dark;
+    fit->find_dark = known.find_dark;
+done:
+    hada_dataset_destroy(&pure);
+    hada_dataset_destroy(&even);
+    return status;
+}
+
 /* Takes off what light all frames have still, once a response, exposures and colours are known. */
-static hada_status correct_light(hada_mended *mended, hada_context *context, const hada_survey *survey,
-                                 const hada_dataset *data, const hada_fit_options *callers, hada_error *err)
+static hada_status correct_light(hada_mended *mended, const hada_survey *survey, const hada_dataset *data,
+                                 const hada_fit_options *callers, hada_error *err)
 {
     hada_fit_options fit = *callers;
     hada_dataset *even = NULL, *pure = NULL;
@@ -173,7 +193,7 @@ static hada_status correct_light(hada_mended *mended, hada_context *context, con
     fit.scene_response = survey->response;
     HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, data, err));
     HADA_TRY_OR_DONE(hada_dataset_unmix(&pure, even, fit.colour_matrix, err));
-    HADA_TRY_OR_DONE(hada_fit_find_common_light(&fit, context, pure, &left, err));
+    HADA_TRY_OR_DONE(hada_fit_find_common_light(&fit, pure, &left, err));
     if (hada_colours_known(fit.colour_matrix) && fit.channels == HADA_COLOURS)
         hada_colours_mix(left.data, hada_image_count(&left) / HADA_COLOURS, fit.colour_matrix);
     for (size_t i = 0; i < hada_image_count(&left); i++)
@@ -218,10 +238,15 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
 {
     const int given = hada_colours_known(fit->colour_matrix);
     const int common = hada_look_is_lit(fit, data);
+    const double before = fit->dark;
     int balanced = 0;
     HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
-    if (mended->unlit && !given && hada_colours_known(fit->colour_matrix)) {
-        HADA_TRY(find_own_again(mended, fit, err));
+    const int mixed = !given && hada_colours_known(fit->colour_matrix);
+    if (mixed && mended->no_level)
+        HADA_TRY(find_level_again(*out, data, fit, err));
+    if (mixed && (mended->unlit || fit->dark > before)) {
+        if (mended->unlit)
+            HADA_TRY(find_own_again(mended, fit, err));
         memset(fit->colour_matrix, 0, sizeof fit->colour_matrix);
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
@@ -236,7 +261,7 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_mended 
         HADA_TRY(survey_colours(out, context, data, fit, exposure, err));
     }
     if (common) { /* the first rank's, as devices round differently */
-        HADA_TRY(correct_light(mended, context, *out, data, fit, err));
+        HADA_TRY(correct_light(mended, *out, data, fit, err));
         HADA_TRY(hada_broadcast(ranks, 0, mended->dark.data, hada_image_count(&mended->dark) * sizeof(float), err));
     }
     HADA_TRY(hada_survey_agree(*out, ranks, data, err));
@@ -262,19 +287,29 @@ void hada_mended_free(hada_mended *mended)
     hada_image_destroy(&mended->dark);
 }
 
-/* Takes light off that is in all frames, if that is clearly better than the dark level that was found. */
-static hada_status darken(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
-                          const hada_communicator *ranks, hada_error *err)
+/* What the first rank found in the frames of pairs: devices and processors round differently. */
+static hada_status agree_on_light(hada_mended *mended, hada_fit_options *fit, hada_own_light *own,
+                                  const hada_communicator *ranks, hada_error *err)
 {
-    double mean = 0.0, before = 0.0;
-    int better;
+    double found[] = {fit->dark, *own, mended->dark.data != NULL, fit->find_dark};
+    HADA_TRY(hada_broadcast(ranks, 0, found, sizeof found, err));
+    fit->dark = found[0];
+    *own = (hada_own_light)found[1];
+    fit->find_dark = found[3] != 0.0;
+    if (found[2] == 0.0)
+        hada_image_destroy(&mended->dark);
+    else if (!mended->dark.data)
+        HADA_TRY(hada_image_create(&mended->dark, fit->channels, fit->raw_rows, fit->raw_cols, err));
+    return found[2] == 0.0 ? HADA_OK
+                           : hada_broadcast(ranks, 0, mended->dark.data,
+                                            hada_image_count(&mended->dark) * sizeof *mended->dark.data, err);
+}
+
+/* Takes light off that is in all frames. */
+static hada_status darken(hada_mended *mended, const hada_dataset **data, const hada_fit_options *fit, hada_error *err)
+{
+    double mean = 0.0;
     HADA_TRY(hada_dataset_mend(&mended->above, *data, NULL, &mended->dark, err));
-    HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->above, 0, &before, &better, err));
-    HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
-    fit->find_dark = better || fit->dark > 0.0;
-    if (!better)
-        return HADA_OK;
-    fit->dark = 0.0;
     *data = mended->above;
     for (size_t i = 0; i < hada_image_count(&mended->dark); i++)
         mean += mended->dark.data[i] / (double)hada_image_count(&mended->dark);
@@ -285,34 +320,16 @@ static hada_status darken(hada_mended *mended, const hada_dataset **data, hada_c
     return HADA_OK;
 }
 
-/* Takes light off that differs from frame to frame, if that is clearly better than what was found for all frames. lit:
- * the pairs with it. */
-static hada_status darken_each(hada_mended *mended, const hada_dataset *lit, const hada_dataset **data,
-                               hada_context *context, hada_fit_options *fit, const hada_communicator *ranks,
+/* Takes light off that differs from frame to frame. */
+static hada_status darken_each(hada_mended *mended, const hada_dataset **data, const hada_fit_options *fit, int apart,
                                hada_error *err)
 {
-    hada_fit_options open = *fit;
-    double before = 0.0;
-    int better = 0;
-    open.dark = 0.0;
-    for (int apart = 0; apart < 2 && !better; apart++) { /* exposures that differ need more of the pairs */
-        hada_dataset_destroy(&mended->unlit);
-        free(mended->light);
-        mended->lit = lit;
-        mended->apart = apart;
-        HADA_TRY(hada_fit_find_own_light(&open, lit, apart, &mended->light, err));
-        if (mended->light) {
-            HADA_TRY(hada_dataset_unlit(&mended->unlit, lit, mended->light, fit->channels, err));
-            HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->unlit, 1, &before, &better, err));
-        }
-        HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
-    }
-    if (!better) {
-        hada_dataset_destroy(&mended->unlit);
+    mended->lit = *data;
+    mended->apart = apart;
+    HADA_TRY(hada_fit_find_own_light(fit, mended->lit, apart, &mended->light, err));
+    if (!mended->light)
         return HADA_OK;
-    }
-    fit->find_dark = 0;
-    fit->dark = 0.0;
+    HADA_TRY(hada_dataset_unlit(&mended->unlit, mended->lit, mended->light, fit->channels, err));
     *data = mended->unlit;
     hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
                       "frames hold light that comes from no scene and differs from frame to frame: it is subtracted "
@@ -395,14 +412,15 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_c
         HADA_TRY(hada_dataset_mend(&mended->sound, *data, &mended->flat, NULL, err));
         *data = mended->sound;
     }
-    const hada_dataset *lit = *data;
-    const int looks = surfaces && !encoded, open = fit->find_dark && fit->dark == 0.0;
-    HADA_TRY(hada_fit_find_dark(fit, lit, looks ? &mended->dark : NULL, err));
+    const int looks = surfaces && !encoded;
+    hada_own_light own = HADA_OWN_LIGHT_NONE;
+    const int open = fit->find_dark && fit->dark == 0.0 && !hada_dataset_get_info(*data)->dark_frame;
+    HADA_TRY(hada_fit_find_dark(fit, *data, looks ? &mended->dark : NULL, looks ? &own : NULL, err));
+    HADA_TRY(agree_on_light(mended, fit, &own, ranks, err));
+    mended->no_level = open && !own && !fit->find_dark;
     if (mended->dark.data)
-        HADA_TRY(darken(mended, data, context, fit, ranks, err));
-    return looks && open && !hada_dataset_get_info(lit)->dark_frame
-               ? darken_each(mended, lit, data, context, fit, ranks, err)
-               : HADA_OK;
+        HADA_TRY(darken(mended, data, fit, err));
+    return own ? darken_each(mended, data, fit, own == HADA_OWN_LIGHT_APART, err) : HADA_OK;
 }
 
 hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int given,
@@ -418,8 +436,8 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
                           fit->boundary == HADA_BOUNDARY_CIRCULAR ? "no light leaves the sensor: boundary circular"
                                                                   : "light leaves the sensor: boundary padded");
     }
-    if (fit->find_dark && fit->dark > 0.0 && fit->boundary == HADA_BOUNDARY_PADDED)
-        HADA_TRY_OR_DONE(hada_fit_refine_dark(fit, context, pure, err));
+    if (fit->find_dark && fit->dark > 0.0)
+        HADA_TRY_OR_DONE(hada_fit_refine_dark(fit, pure, err));
 done:
     fit->distances_mm = distances_mm; /* not those of `pure` */
     hada_dataset_destroy(&pure);

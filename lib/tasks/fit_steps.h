@@ -17,6 +17,7 @@ typedef struct hada_mended {
     hada_dataset *linear;        /* decoded */
     hada_dataset *sound, *above; /* without bad pixels; and without light that is in all frames */
     hada_image flat, dark;       /* of these */
+    int no_level;                /* a dark level was looked for, and nothing found */
     hada_dataset *unlit;         /* without light of each frame's own */
     double *light;               /* that, as hada_fit_find_own_light() has it: exposures apart or not, */
     int apart;

@@ -63,6 +63,12 @@ static int most_of(const hada_sample *work)
     return most;
 }
 
+/* A camera that is said to be circular loses no light. */
+static int may_crop(const hada_sample *work)
+{
+    return work->options.boundary != HADA_BOUNDARY_CIRCULAR;
+}
+
 /* A guess, and what it leaves of each frame that was held out: logarithms, and their mean. Light of each frame explains
  * whatever is smooth, so it is judged by all that is left. */
 enum { COARSE = 0, WHOLE = 1 };
@@ -76,11 +82,24 @@ static int measure_of(hada_light_kind kind)
     return kind == HADA_LIGHT_OWN ? WHOLE : COARSE;
 }
 
+/* What counts as nothing: a share of the mean frame's energy, for a frame may be black. */
+static double least_left(const hada_sample *work)
+{
+    const hada_image *first = &work->frame[0];
+    const size_t area = (size_t)first->rows * (size_t)first->cols, from = (size_t)(work->options.channels / 2) * area;
+    double energy = 0.0;
+    for (int k = 0; k < work->count; k++)
+        for (size_t i = from; i < from + area; i++)
+            energy += (double)work->frame[k].data[i] * (double)work->frame[k].data[i];
+    return HADA_LEAST_SHARE * energy / work->count;
+}
+
 /* Holds out each pair in one turn, of which the first counts alone, unless `all`. */
 static void judge(hada_light_fit *fit, const hada_sample *work, int all, judged *of)
 {
     hada_light_left left[HADA_SAMPLE_MOST];
     int members = 0;
+    const double least = least_left(work);
     const int most = most_of(work), turns = most < 2 * TURNS ? most : TURNS;
     for (int turn = 0; turn < (all ? turns : 1); turn++) {
         unsigned char held[HADA_SAMPLE_MOST];
@@ -92,7 +111,6 @@ static void judge(hada_light_fit *fit, const hada_sample *work, int all, judged 
         hada_light_fit_run(fit, work->options.channels / 2, of->guess, held, left, NULL);
         for (int k = 0; k < work->count; k++)
             if (held[k]) {
-                const double least = HADA_LEAST_SHARE * work->level.frame_energy[k];
                 of->log[COARSE][members] = log(fmax(left[k].coarse, least));
                 of->log[WHOLE][members++] = log(fmax(left[k].whole, least));
             }
@@ -124,44 +142,42 @@ typedef struct judgements {
     judged of[HADA_COUNT(assumptions)];
 } judgements;
 
-/* The light of all frames, with a guess, in the mean over channels or as a surface of each. */
+/* The light of all frames, with a guess: a level, the mean of the channels', and a surface where the guess is one.
+ * *lit: whether every channel of it is above 0. */
 static hada_status find_exactly(const hada_fit_options *options, const hada_dataset *pairs, const double *response,
-                                hada_light_guess guess, double *weight, hada_error *err)
+                                hada_light_guess guess, double *level, hada_image *surface, int *lit, hada_error *err)
 {
     hada_sample work = {
         .options = *options, .pairs = pairs, .counts = hada_dataset_get_info(pairs)->counts, .tried = 1};
+    const size_t channels = (size_t)options->channels;
     hada_light_fit *fit = NULL;
+    double *weight = NULL;
     hada_status status = HADA_OK;
+    *level = 0.0;
+    *lit = 1;
     work.response = response;
     work.grid = FOUND_ON;
     guess.response = 0;
+    HADA_TRY_OR_DONE(HADA_NEW(weight, channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
     HADA_TRY_OR_DONE(hada_sample_begin(&work, err));
-    HADA_TRY_OR_DONE(hada_light_fit_create(&fit, &work, most_of(&work) >= MANY, err));
-    for (int c = 0; c < options->channels; c++)
-        hada_light_fit_run(fit, c, guess, NULL, NULL, weight + (size_t)c * HADA_SMOOTH_TERMS);
+    if (work.count)
+        HADA_TRY_OR_DONE(hada_light_fit_create(&fit, &work, may_crop(&work) && most_of(&work) >= MANY, err));
+    for (size_t c = 0; c < channels && fit; c++) {
+        double *of = weight + c * HADA_SMOOTH_TERMS;
+        HADA_TRY_OR_DONE(hada_progress_step(&work.progress, NULL, err));
+        hada_light_fit_run(fit, (int)c, guess, NULL, NULL, of);
+        *level += of[0] / (double)channels;
+        *lit &= hada_smooth_mean(of) > 0.0;
+    }
+    if (guess.kind == HADA_LIGHT_SURFACE) {
+        HADA_TRY_OR_DONE(hada_image_create(surface, options->channels, options->raw_rows, options->raw_cols, err));
+        hada_smooth_add(weight, 1.0, surface);
+    }
 done:
     hada_light_fit_destroy(&fit);
     hada_sample_end(&work);
+    free(weight);
     return status;
-}
-
-/* What was found, one way or another, on the sensor; nothing where a channel of it is dark in the mean. */
-static hada_status draw(const hada_fit_options *options, const double *weight, hada_image *surface, hada_error *err)
-{
-    for (int c = 0; c < options->channels; c++)
-        if (!(hada_smooth_mean(weight + (size_t)c * HADA_SMOOTH_TERMS) > 0.0))
-            return HADA_OK;
-    HADA_TRY(hada_image_create(surface, options->channels, options->raw_rows, options->raw_cols, err));
-    hada_smooth_add(weight, 1.0, surface);
-    return HADA_OK;
-}
-
-static double mean_level(const hada_fit_options *options, const double *weight)
-{
-    double mean = 0.0;
-    for (int c = 0; c < options->channels; c++)
-        mean += weight[(size_t)c * HADA_SMOOTH_TERMS] / options->channels;
-    return mean;
 }
 
 static const judged *judgement(judgements *all, hada_light_fit *fit, const hada_sample *work, size_t a)
@@ -187,10 +203,12 @@ static int is_least(judgements *all, hada_light_fit *fit, const hada_sample *wor
 }
 
 /* Kinds up to `most`. What leaves nearly as little as anything is taken at once. */
-static void choose_of_many(hada_light_fit *fit, const hada_sample *work, hada_light_kind most, judged *chosen)
+static hada_status choose_of_many(hada_light_fit *fit, hada_sample *work, hada_light_kind most, judged *chosen,
+                                  hada_error *err)
 {
     judgements all = {.known = {0}};
     for (size_t a = 0; a < HADA_COUNT(assumptions); a++) {
+        HADA_TRY(hada_progress_step(&work->progress, NULL, err));
         const int m = measure_of(assumptions[a].kind);
         double less[HADA_SAMPLE_MOST];
         if (assumptions[a].kind > most)
@@ -201,13 +219,15 @@ static void choose_of_many(hada_light_fit *fit, const hada_sample *work, hada_li
         if (!a || hada_sample_is_better(less, work->count, log(assumptions[a].less)))
             *chosen = *now;
         if (is_least(&all, fit, work, most, chosen))
-            return;
+            break;
     }
+    return HADA_OK;
 }
 
 /* No light leaves the sensor: a level, or a surface, that leaves less than nothing does. A surface, which lost light
  * looks like, and with many pairs a level leave less than nothing does if light may leave, too. */
-static void choose_of_few(hada_light_fit *fit, const hada_sample *work, hada_light_kind most, judged *chosen)
+static hada_status choose_of_few(hada_light_fit *fit, hada_sample *work, hada_light_kind most, judged *chosen,
+                                 hada_error *err)
 {
     judged before = judge_responses(fit, work, HADA_LIGHT_NONE, 0);
     double crop[HADA_SAMPLE_MOST];
@@ -217,6 +237,7 @@ static void choose_of_few(hada_light_fit *fit, const hada_sample *work, hada_lig
         const hada_light_kind kind = assumptions[a].kind;
         if (kind > most || kind == HADA_LIGHT_OWN)
             continue;
+        HADA_TRY(hada_progress_step(&work->progress, NULL, err));
         const int also = many || kind == HADA_LIGHT_SURFACE;
         const judged now = judge_responses(fit, work, kind, assumptions[a].apart);
         double less[HADA_SAMPLE_MOST];
@@ -225,41 +246,40 @@ static void choose_of_few(hada_light_fit *fit, const hada_sample *work, hada_lig
         if (hada_sample_is_better(less, work->count, log(assumptions[a].less)))
             *chosen = before = now;
     }
+    return HADA_OK;
 }
 
-static hada_status choose(const hada_sample *work, hada_light_kind most, judged *chosen, hada_error *err)
+static hada_status choose(hada_sample *work, hada_light_kind most, judged *chosen, hada_error *err)
 {
-    const int count = most_of(work);
+    const int count = most_of(work), crops = may_crop(work);
     hada_light_fit *fit = NULL;
-    HADA_TRY(hada_light_fit_create(&fit, work, 1, err));
-    if (count >= MANY)
-        choose_of_many(fit, work, most, chosen);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_light_fit_create(&fit, work, crops, err));
+    if (count >= MANY || !crops)
+        HADA_TRY_OR_DONE(choose_of_many(fit, work, most, chosen, err));
     else
         *chosen = judge_responses(fit, work, HADA_LIGHT_NONE, 0);
+    if (!crops || count > MANY || chosen->guess.kind != HADA_LIGHT_NONE || chosen->guess.apart)
+        goto done;
     hada_light_fit_destroy(&fit);
-    if (count > MANY || chosen->guess.kind != HADA_LIGHT_NONE || chosen->guess.apart)
-        return HADA_OK;
     HADA_TRY(hada_light_fit_create(&fit, work, 0, err));
-    choose_of_few(fit, work, most, chosen);
+    HADA_TRY_OR_DONE(choose_of_few(fit, work, most, chosen, err));
+done:
     hada_light_fit_destroy(&fit);
-    return HADA_OK;
+    return status;
 }
 
 static hada_status take(hada_fit_options *options, const hada_dataset *pairs, const double *response,
                         hada_light_guess guess, double darkest_place, hada_image *surface, hada_error *err)
 {
-    double *weight = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY(HADA_NEW(weight, (size_t)options->channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
-    HADA_TRY_OR_DONE(find_exactly(options, pairs, response, guess, weight, err));
-    if (guess.kind == HADA_LIGHT_SURFACE)
-        HADA_TRY_OR_DONE(draw(options, weight, surface, err));
-    const double level = mean_level(options, weight);
+    double level;
+    int lit;
+    HADA_TRY(find_exactly(options, pairs, response, guess, &level, surface, &lit, err));
     if (guess.kind == HADA_LIGHT_LEVEL && level > 0.0 && level < MOST_DARK * darkest_place)
         options->dark = level;
-done:
-    free(weight);
-    return status;
+    else if (guess.kind == HADA_LIGHT_SURFACE && !lit)
+        hada_image_destroy(surface);
+    return HADA_OK;
 }
 
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
@@ -303,28 +323,19 @@ done:
 
 hada_status hada_fit_refine_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)
 {
-    const hada_light_guess level = {.kind = HADA_LIGHT_LEVEL};
-    double *weight = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY(HADA_NEW(weight, (size_t)options->channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
-    HADA_TRY_OR_DONE(find_exactly(options, pairs, &options->scene_response, level, weight, err));
-    options->dark = fmax(0.0, options->dark + mean_level(options, weight));
-done:
-    free(weight);
-    return status;
+    const hada_light_guess guess = {.kind = HADA_LIGHT_LEVEL};
+    double level;
+    int lit;
+    HADA_TRY(find_exactly(options, pairs, &options->scene_response, guess, &level, NULL, &lit, err));
+    options->dark = fmax(0.0, options->dark + level);
+    return HADA_OK;
 }
 
 hada_status hada_fit_find_common_light(const hada_fit_options *options, const hada_dataset *pairs, hada_image *light,
                                        hada_error *err)
 {
-    const hada_light_guess surface = {.kind = HADA_LIGHT_SURFACE};
-    double *weight = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY(HADA_NEW(weight, (size_t)options->channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
-    HADA_TRY_OR_DONE(find_exactly(options, pairs, &options->scene_response, surface, weight, err));
-    HADA_TRY_OR_DONE(hada_image_create(light, options->channels, options->raw_rows, options->raw_cols, err));
-    hada_smooth_add(weight, 1.0, light);
-done:
-    free(weight);
-    return status;
+    const hada_light_guess guess = {.kind = HADA_LIGHT_SURFACE};
+    double level;
+    int lit;
+    return find_exactly(options, pairs, &options->scene_response, guess, &level, light, &lit, err);
 }

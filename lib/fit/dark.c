@@ -13,8 +13,7 @@
 enum { COMPARED_ON = 64, FOUND_ON = 128 };
 /* Each pair is held out in one of so many turns, of few pairs alone in its depth. */
 enum { TURNS = 3 };
-/* Pairs of a depth from which on what lies beyond the sensor's edge follows from them. With so many and fewer a level
- * or a surface is looked for as well as if no light left the sensor, which says more of each pair. */
+/* Pairs of a depth from which on those that are held out tell kinds of light from each other. */
 enum { MANY = 4 };
 /* Below this share of the brightest place no dark level is looked for (of full scale it would be too much: 10 bits in a
  * file of 16 are small numbers). */
@@ -32,8 +31,12 @@ static const struct {
     {HADA_LIGHT_NONE, 0, 1.0},  {HADA_LIGHT_LEVEL, 0, 1.5},   {HADA_LIGHT_SURFACE, 0, 2.0}, {HADA_LIGHT_NONE, 1, 2.0},
     {HADA_LIGHT_LEVEL, 1, 1.5}, {HADA_LIGHT_SURFACE, 1, 2.0}, {HADA_LIGHT_OWN, 0, 3.5},     {HADA_LIGHT_OWN, 1, 3.5},
 };
-
-#define NEARLY 1.3
+/* With few pairs frames hold light where that of each leaves so much less (where they do 2.4 to 1000 times, else up to
+ * 3.1), or a level; light that leaves at most so much more than any of the pairs themselves is enough (if right up
+ * to 2.1 times more, else from 2.9 on). */
+#define LIT         3.5
+#define LIT_EVENLY  1.5
+#define LITTLE_MORE 2.2
 
 /* Of Gaussian noise one value in a hundred is so many standard deviations below the mean. */
 #define FIRST_PERCENTILE 2.326
@@ -61,12 +64,6 @@ static int most_of(const hada_sample *work)
         most = hada_most(most, count);
     }
     return most;
-}
-
-/* A camera that is said to be circular loses no light. */
-static int may_crop(const hada_sample *work)
-{
-    return work->options.boundary != HADA_BOUNDARY_CIRCULAR;
 }
 
 /* A guess, and what it leaves of each frame that was held out: logarithms, and their mean. Light of each frame explains
@@ -136,12 +133,6 @@ static judged judge_responses(hada_light_fit *fit, const hada_sample *work, hada
     return best;
 }
 
-/* Assumptions as they were judged, once for each. */
-typedef struct judgements {
-    int known[HADA_COUNT(assumptions)];
-    judged of[HADA_COUNT(assumptions)];
-} judgements;
-
 /* The light of all frames, with a guess: a level, the mean of the channels', and a surface where the guess is one.
  * *lit: whether every channel of it is above 0. */
 static hada_status find_exactly(const hada_fit_options *options, const hada_dataset *pairs, const double *response,
@@ -161,7 +152,7 @@ static hada_status find_exactly(const hada_fit_options *options, const hada_data
     HADA_TRY_OR_DONE(HADA_NEW(weight, channels * HADA_SMOOTH_TERMS, "light in the frames of pairs", err));
     HADA_TRY_OR_DONE(hada_sample_begin(&work, err));
     if (work.count)
-        HADA_TRY_OR_DONE(hada_light_fit_create(&fit, &work, may_crop(&work) && most_of(&work) >= MANY, err));
+        HADA_TRY_OR_DONE(hada_light_fit_create(&fit, &work, options->boundary != HADA_BOUNDARY_CIRCULAR, err));
     for (size_t c = 0; c < channels && fit; c++) {
         double *of = weight + c * HADA_SMOOTH_TERMS;
         HADA_TRY_OR_DONE(hada_progress_step(&work.progress, NULL, err));
@@ -180,23 +171,15 @@ done:
     return status;
 }
 
-static const judged *judgement(judgements *all, hada_light_fit *fit, const hada_sample *work, size_t a)
-{
-    if (!all->known[a])
-        all->of[a] = judge_responses(fit, work, assumptions[a].kind, assumptions[a].apart);
-    all->known[a] = 1;
-    return &all->of[a];
-}
-
-/* Whether nothing leaves much less than what is chosen: the most general kind of each measure holds all others. */
-static int is_least(judgements *all, hada_light_fit *fit, const hada_sample *work, hada_light_kind most,
-                    const judged *chosen)
+/* Whether nothing leaves so much less than what is chosen: the most general kind of each measure holds all others. */
+#define NEARLY 1.3
+static int is_least(const judged *all, hada_light_kind most, const judged *chosen)
 {
     for (size_t a = 0; a < HADA_COUNT(assumptions); a++) {
         const hada_light_kind kind = assumptions[a].kind;
         const int m = measure_of(kind);
         if ((kind == most || (kind == HADA_LIGHT_SURFACE && most > kind)) &&
-            chosen->mean[m] - judgement(all, fit, work, a)->mean[m] > log(NEARLY))
+            chosen->mean[m] - all[a].mean[m] > log(NEARLY))
             return 0;
     }
     return 1;
@@ -206,80 +189,95 @@ static int is_least(judgements *all, hada_light_fit *fit, const hada_sample *wor
 static hada_status choose_of_many(hada_light_fit *fit, hada_sample *work, hada_light_kind most, judged *chosen,
                                   hada_error *err)
 {
-    judgements all = {.known = {0}};
+    judged all[HADA_COUNT(assumptions)];
     for (size_t a = 0; a < HADA_COUNT(assumptions); a++) {
         HADA_TRY(hada_progress_step(&work->progress, NULL, err));
+        all[a] = judge_responses(fit, work, assumptions[a].kind, assumptions[a].apart);
+    }
+    *chosen = all[0];
+    for (size_t a = 1; a < HADA_COUNT(assumptions) && !is_least(all, most, chosen); a++) {
         const int m = measure_of(assumptions[a].kind);
         double less[HADA_SAMPLE_MOST];
-        if (assumptions[a].kind > most)
-            continue;
-        const judged *now = judgement(&all, fit, work, a);
         for (int k = 0; k < work->count; k++)
-            less[k] = chosen->log[m][k] - now->log[m][k];
-        if (!a || hada_sample_is_better(less, work->count, log(assumptions[a].less)))
-            *chosen = *now;
-        if (is_least(&all, fit, work, most, chosen))
-            break;
+            less[k] = chosen->log[m][k] - all[a].log[m][k];
+        if (assumptions[a].kind <= most && hada_sample_is_better(less, work->count, log(assumptions[a].less)))
+            *chosen = all[a];
     }
     return HADA_OK;
 }
 
-/* No light leaves the sensor: a level, or a surface, that leaves less than nothing does. A surface, which lost light
- * looks like, and with many pairs a level leave less than nothing does if light may leave, too. */
+/* Whether frames hold light: that of each frame leaves less than nothing does, or a level if no light leaves the
+ * sensor. own: the better of the first kind. */
+static hada_status are_lit(hada_light_fit *fit, const hada_sample *work, int *lit, judged *own, hada_error *err)
+{
+    const judged none[] = {judge_responses(fit, work, HADA_LIGHT_NONE, 0),
+                           judge_responses(fit, work, HADA_LIGHT_NONE, 1)};
+    const judged each[] = {judge_responses(fit, work, HADA_LIGHT_OWN, 0),
+                           judge_responses(fit, work, HADA_LIGHT_OWN, 1)};
+    double less[HADA_SAMPLE_MOST];
+    *own = each[each[1].mean[WHOLE] < each[0].mean[WHOLE]];
+    for (int k = 0; k < work->count; k++)
+        less[k] = fmin(none[0].log[WHOLE][k], none[1].log[WHOLE][k]) - own->log[WHOLE][k];
+    *lit = hada_sample_is_better(less, work->count, log(LIT));
+    if (*lit)
+        return HADA_OK;
+    HADA_TRY(hada_light_fit_create(&fit, work, 0, err));
+    const judged dark = judge_responses(fit, work, HADA_LIGHT_NONE, 0),
+                 level = judge_responses(fit, work, HADA_LIGHT_LEVEL, 0);
+    hada_light_fit_destroy(&fit);
+    for (int k = 0; k < work->count; k++)
+        less[k] = dark.log[COARSE][k] - level.log[COARSE][k];
+    *lit = hada_sample_is_better(less, work->count, log(LIT_EVENLY));
+    return HADA_OK;
+}
+
+/* Light of a few pairs, which do not settle what light of all frames does to one that is held out: the simplest that
+ * leaves little more than any of the pairs themselves. */
 static hada_status choose_of_few(hada_light_fit *fit, hada_sample *work, hada_light_kind most, judged *chosen,
                                  hada_error *err)
 {
-    judged before = judge_responses(fit, work, HADA_LIGHT_NONE, 0);
-    double crop[HADA_SAMPLE_MOST];
-    memcpy(crop, chosen->log[COARSE], sizeof crop);
-    const int many = most_of(work) >= MANY;
-    for (size_t a = 1; a < HADA_COUNT(assumptions); a++) {
-        const hada_light_kind kind = assumptions[a].kind;
-        if (kind > most || kind == HADA_LIGHT_OWN)
-            continue;
+    double left[2 * HADA_LIGHT_KINDS], least = INFINITY;
+    judged own;
+    int lit;
+    HADA_TRY(hada_progress_step(&work->progress, NULL, err));
+    HADA_TRY(are_lit(fit, work, &lit, &own, err));
+    *chosen = own;
+    chosen->guess.kind = HADA_LIGHT_NONE;
+    if (!lit)
+        return HADA_OK;
+    for (int a = 0; a < 2 * HADA_LIGHT_KINDS; a++) {
+        const hada_light_guess guess = {
+            .response = own.guess.response, .kind = (hada_light_kind)(a / 2), .apart = a % 2};
+        hada_light_left of[HADA_SAMPLE_MOST];
         HADA_TRY(hada_progress_step(&work->progress, NULL, err));
-        const int also = many || kind == HADA_LIGHT_SURFACE;
-        const judged now = judge_responses(fit, work, kind, assumptions[a].apart);
-        double less[HADA_SAMPLE_MOST];
+        hada_light_fit_run(fit, work->options.channels / 2, guess, NULL, of, NULL);
+        left[a] = 0.0;
         for (int k = 0; k < work->count; k++)
-            less[k] = fmin(before.log[COARSE][k], also ? crop[k] : INFINITY) - now.log[COARSE][k];
-        if (hada_sample_is_better(less, work->count, log(assumptions[a].less)))
-            *chosen = before = now;
+            left[a] += log(fmax(of[k].whole, least_left(work))) / work->count;
+        least = fmin(least, left[a]);
     }
+    for (int a = 0; a < 2 * ((int)most + 1); a++)
+        if (left[a] < least + log(LITTLE_MORE)) {
+            chosen->guess.kind = (hada_light_kind)(a / 2);
+            chosen->guess.apart = a % 2;
+            break;
+        }
     return HADA_OK;
 }
 
 static hada_status choose(hada_sample *work, hada_light_kind most, judged *chosen, hada_error *err)
 {
-    const int count = most_of(work), crops = may_crop(work);
+    const int count = most_of(work), crops = work->options.boundary != HADA_BOUNDARY_CIRCULAR;
     hada_light_fit *fit = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(hada_light_fit_create(&fit, work, crops, err));
     if (count >= MANY || !crops)
         HADA_TRY_OR_DONE(choose_of_many(fit, work, most, chosen, err));
-    else
-        *chosen = judge_responses(fit, work, HADA_LIGHT_NONE, 0);
-    if (!crops || count > MANY || chosen->guess.kind != HADA_LIGHT_NONE || chosen->guess.apart)
-        goto done;
-    hada_light_fit_destroy(&fit);
-    HADA_TRY(hada_light_fit_create(&fit, work, 0, err));
-    HADA_TRY_OR_DONE(choose_of_few(fit, work, most, chosen, err));
+    if (crops && count <= MANY && chosen->guess.kind == HADA_LIGHT_NONE && !chosen->guess.apart)
+        HADA_TRY_OR_DONE(choose_of_few(fit, work, most, chosen, err));
 done:
     hada_light_fit_destroy(&fit);
     return status;
-}
-
-static hada_status take(hada_fit_options *options, const hada_dataset *pairs, const double *response,
-                        hada_light_guess guess, double darkest_place, hada_image *surface, hada_error *err)
-{
-    double level;
-    int lit;
-    HADA_TRY(find_exactly(options, pairs, response, guess, &level, surface, &lit, err));
-    if (guess.kind == HADA_LIGHT_LEVEL && level > 0.0 && level < MOST_DARK * darkest_place)
-        options->dark = level;
-    else if (guess.kind == HADA_LIGHT_SURFACE && !lit)
-        hada_image_destroy(surface);
-    return HADA_OK;
 }
 
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
@@ -288,7 +286,8 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
     hada_sample work = {
         .options = *options, .pairs = pairs, .counts = hada_dataset_get_info(pairs)->counts, .grid = COMPARED_ON};
     judged chosen = {.mean = {0.0}};
-    double least = 0.0;
+    double least = 0.0, level;
+    int lit;
     hada_status status = HADA_OK;
     if (own)
         *own = HADA_OWN_LIGHT_NONE;
@@ -313,8 +312,13 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
     const double response = work.response[chosen.guess.response];
     if (own && chosen.guess.kind == HADA_LIGHT_OWN)
         *own = chosen.guess.apart ? HADA_OWN_LIGHT_APART : HADA_OWN_LIGHT_ALIKE;
-    else if (chosen.guess.kind == HADA_LIGHT_SURFACE || (chosen.guess.kind == HADA_LIGHT_LEVEL && most >= least))
-        HADA_TRY_OR_DONE(take(options, pairs, &response, chosen.guess, most, surface, err));
+    else if (chosen.guess.kind == HADA_LIGHT_SURFACE || (chosen.guess.kind == HADA_LIGHT_LEVEL && most >= least)) {
+        HADA_TRY_OR_DONE(find_exactly(options, pairs, &response, chosen.guess, &level, surface, &lit, err));
+        if (chosen.guess.kind == HADA_LIGHT_LEVEL && level > 0.0 && level < MOST_DARK * most)
+            options->dark = level;
+        else if (chosen.guess.kind == HADA_LIGHT_SURFACE && !lit)
+            hada_image_destroy(surface);
+    }
 done:
     options->find_dark = !status && (options->dark > 0.0 || (surface && surface->data));
     hada_sample_end(&work);

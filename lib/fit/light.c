@@ -30,25 +30,16 @@ typedef struct equations {
     double energy[HADA_SAMPLE_MOST], rest[HADA_SAMPLE_MOST]; /* of each pair's frame, and what is left of that */
 } equations;
 
-/* Where row i of the reduced frame lies on the sensor. */
-static double place(int i, int count, int factor, int whole)
-{
-    return hada_smooth_place((i + 0.5) * factor + (whole - count * factor) / 2, whole);
-}
-
 /* The spectrum of a frame that shows a term alone. */
 static hada_status show_term(const equations *of, int k, hada_error *err)
 {
     hada_sample *work = of->work;
     const hada_image *like = &work->frame[0];
     const size_t cols = (size_t)like->cols, area = cols * (size_t)like->rows;
-    const int factor = work->reducer.factor;
     hada_image shown;
     HADA_TRY(hada_image_create(&shown, like->channels, like->rows, like->cols, err));
     for (size_t i = 0; i < hada_image_count(&shown); i++)
-        shown.data[i] =
-            (float)hada_smooth_term(k, place((int)(i % area / cols), like->rows, factor, work->options.raw_rows),
-                                    place((int)(i % cols), like->cols, factor, work->options.raw_cols));
+        shown.data[i] = (float)hada_sample_term(work, k, (int)(i % area / cols), (int)(i % cols));
     hada_pair_level_put(&work->level, 0, 0, &shown, &work->scene[0][0]);
     memcpy(of->term + (size_t)k * 2 * work->level.plane, work->level.frame, 2 * work->level.plane * sizeof(float));
     hada_image_destroy(&shown);

@@ -46,12 +46,6 @@ void hada_light_fit_destroy(hada_light_fit **pointer)
               of->spectrum, of->work, of);
 }
 
-/* Where row or column i of a reduced frame lies on the sensor. */
-static double place(int i, int count, int factor, int whole)
-{
-    return hada_smooth_place((i + 0.5) * factor + (whole - count * factor) / 2, whole);
-}
-
 static hada_status create(hada_light_fit *of, int crops, hada_error *err)
 {
     static const char what[] = "light in the frames of pairs";
@@ -81,8 +75,7 @@ static hada_status create(hada_light_fit *of, int crops, hada_error *err)
         for (int row = 0; row < frame->rows; row++)
             for (int col = 0; col < frame->cols; col++)
                 of->term[(size_t)k * of->area + (size_t)row * (size_t)of->cols + (size_t)col] =
-                    hada_smooth_term(k, place(row, frame->rows, sample->reducer.factor, sample->options.raw_rows),
-                                     place(col, frame->cols, sample->reducer.factor, sample->options.raw_cols));
+                    hada_sample_term(sample, k, row, col);
     return HADA_OK;
 }
 

@@ -4,6 +4,7 @@
 #include <hadalens/response.h>
 
 #include "fit/fitter.h"
+#include "image/correct.h"
 #include "image/statistics.h"
 
 #define BETTER_ERRORS 2.0
@@ -84,6 +85,20 @@ void hada_sample_end(hada_sample *work)
     hada_sample_forget(work);
     hada_pair_level_destroy(&work->level);
     hada_reducer_destroy(&work->reducer);
+}
+
+/* Where row or column i of a reduced frame lies on the sensor. */
+static double place(int i, int count, int factor, int whole)
+{
+    return hada_smooth_place((i + 0.5) * factor + (whole - count * factor) / 2, whole);
+}
+
+double hada_sample_term(const hada_sample *work, int k, int row, int col)
+{
+    const hada_image *frame = &work->frame[0];
+    const int factor = work->reducer.factor;
+    return hada_smooth_term(k, place(row, frame->rows, factor, work->options.raw_rows),
+                            place(col, frame->cols, factor, work->options.raw_cols));
 }
 
 void hada_sample_compare(hada_sample *work)

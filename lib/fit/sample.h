@@ -46,6 +46,9 @@ hada_status hada_sample_take(hada_sample *sample, hada_error *err);
 hada_status hada_sample_take_pair(hada_sample *sample, int depth, int pair, hada_error *err);
 void hada_sample_forget(hada_sample *sample);
 
+/* Term k of smooth light (hada_smooth_term()) at a place of a reduced frame. */
+double hada_sample_term(const hada_sample *sample, int k, int row, int col);
+
 /* What is unexplained of each pair, by response, exposures alike and apart. */
 void hada_sample_compare(hada_sample *sample);
 

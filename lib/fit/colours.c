@@ -15,6 +15,8 @@
 /* Pairs that are looked at, turns, pixels of a side of a block, and the change of a matrix that is none any more. */
 enum { PAIRS = 6, TURNS = 12, EXPOSED_TURNS = 16, BLOCK = 8 };
 #define SETTLED 0.002
+/* Light adds up: no channel sees less than nothing of a colour, but by noise and by what few pairs leave open. */
+#define LEAST_SEEN (-0.2)
 /* A first matrix that is this near to none is none; and blocks of frames must be left with so much less by the last
  * one, in the geometric mean of the channels: simulated sensors that mix a twentieth leave 0.04 to 0.16, real pairs
  * whose results get no better 0.77. */
@@ -239,6 +241,8 @@ hada_status hada_fit_find_colours(const hada_fit_options *fit, hada_context *con
     for (int c = 0; c < HADA_COLOURS; c++)
         less *= cbrt(of.left[c] / of.before[c]);
     *found = less < SURE;
+    for (int i = 0; i < HADA_COLOUR_MATRIX; i++)
+        *found &= of.m[i] > LEAST_SEEN;
 done:
     for (int i = 0; !status && i < HADA_COLOUR_MATRIX; i++)
         m[i] = *found ? of.m[i] : 0.0;

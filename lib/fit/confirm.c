@@ -1,16 +1,14 @@
-/* What a survey of small copies chose, compared with the crop in the model: the response of the scenes, and exposures.
- */
+/* What a survey of small copies chose, with the crop in the model: the response of the scenes, exposures alike or
+ * apart. */
 #include <float.h>
 #include <hadalens/response.h>
 
 #include "fit/look.h"
+#include "fit/sample.h"
 #include "image/pixels.h"
 
-/* Another response than the survey's must leave so much less of held-out frames: than linear, than others, and where
- * the pairs gave the dark level as well, which a power nearly makes up for. */
-#define SURE           0.7
-#define NEARLY_SURE    0.97
-#define SURE_WITH_DARK 0.5
+/* Exposures of their own must leave so much less of held-out frames. */
+#define SURE 0.7
 /* Frames that are encoded leave so much less of their energy once they are decoded: 0.001 to 0.7 on simulated cameras,
  * 1.4 to 1700 where they were linear. */
 #define ENCODED 0.9
@@ -19,32 +17,33 @@
 /* Frames that are nowhere brighter are not encoded: 10 or 12 bits in a file of 16. */
 #define DIM 0.1
 
-/* Responses that are compared on the largest grid, exposures alike or apart. */
+/* Exposures alike and apart, which are compared on the largest grid. */
 typedef struct confirming {
     hada_look at; /* with the options: */
     hada_fit_options options;
     const hada_survey *survey;
     const hada_dataset *pairs;
-    int rows, chosen; /* of the survey: how many, and which it chose */
-    int apart;
-    double *left; /* of a frame, for each row; 0: not known yet */
+    int rows, chosen; /* of the survey: how many, and which is taken */
 } confirming;
 
-/* of->left: free(). `fit` has the depth of a pair that can be held out, or there are no rows. */
+/* Chooses a row. `fit` has the depth of a pair that can be held out, or there are no rows. */
 static hada_status begin(confirming *of, hada_context *context, const hada_fit_options *fit, const hada_survey *survey,
                          const hada_dataset *pairs, hada_error *err)
 {
+    double responses[HADA_SAMPLE_RESPONSES];
     *of = (confirming){.options = *fit, .survey = survey, .pairs = pairs};
     of->at = (hada_look){.context = context, .options = &of->options, .depth = hada_look_depth(fit, pairs)};
     if (of->at.depth == fit->depths)
         return HADA_OK;
     hada_look_ignore_light(&of->at, pairs, of->at.depth);
-    for (; survey->rows[of->rows]; of->rows++) /* none where pairs do not fit */
+    for (; survey->rows[of->rows]; of->rows++) { /* none where pairs do not fit */
         of->chosen = survey->rows[of->rows]->chosen ? of->rows : of->chosen;
-    for (int r = hada_most(of->chosen - 1, 0); r < hada_least(of->chosen + 2, of->rows); r++)
-        if (survey->rows[r]->response == HADA_RESPONSE_SRGB) /* small copies do not tell its neighbours from it */
-            of->chosen = r;
-    return HADA_NEW(of->left, (size_t)of->rows, "responses", err);
+        responses[of->rows] = survey->rows[of->rows]->response;
+    }
+    if (of->rows > 1)
+        HADA_TRY(hada_fit_find_response(fit, pairs, of->at.centred, responses, of->rows, &of->chosen, err));
+    of->options.scene_response = of->rows ? responses[of->chosen] : fit->scene_response;
+    return HADA_OK;
 }
 
 /* The pairs exposed as a survey with that response says. */
@@ -55,17 +54,16 @@ static hada_status expose(const confirming *of, hada_dataset **even, hada_survey
     return hada_survey_apply(even, *exposures, of->pairs, err);
 }
 
-static hada_status left_with(confirming *of, int row, hada_error *err)
+/* What is left of held-out frames, exposures alike or apart. */
+static hada_status left_with(confirming *of, int apart, double *sum, hada_error *err)
 {
     hada_dataset *even = NULL;
     hada_survey *exposures = NULL;
     int rows, cols;
     hada_status status = HADA_OK;
-    if (of->left[row] > 0.0)
-        return HADA_OK;
+    *sum = 0.0;
     hada_look_whole(&of->options, &rows, &cols);
-    of->options.scene_response = of->survey->rows[row]->response;
-    if (of->apart)
+    if (apart)
         HADA_TRY_OR_DONE(expose(of, &even, &exposures, err));
     for (int turn = 0, turns = 1; turn < turns; turn++) { /* of few centred pairs, each is held out once */
         double left = 0.0;
@@ -73,7 +71,7 @@ static hada_status left_with(confirming *of, int row, hada_error *err)
         HADA_TRY_OR_DONE(hada_look_take(&of->at, even ? even : of->pairs, err));
         HADA_TRY_OR_DONE(hada_look_left(&of->at, rows, cols, &left, err));
         turns = of->at.centred && of->at.held == 1 ? of->at.count : 1;
-        of->left[row] += left / (turns * of->at.held);
+        *sum += left / (turns * of->at.held);
         hada_look_return(&of->at);
     }
 done:
@@ -81,46 +79,6 @@ done:
     hada_dataset_destroy(&even);
     hada_survey_destroy(&exposures);
     return status;
-}
-
-/* The row that leaves least: of the chosen one and that which the survey's grid says, and on from the better one to
- * neighbours, until none leaves less. */
-static hada_status find_row(confirming *of, int *best, hada_error *err)
-{
-    const int chosen = of->chosen;
-    *best = 0;
-    for (int row = 1; row < of->rows; row++) {
-        const hada_survey_row *one = of->survey->rows[row], *other = of->survey->rows[*best];
-        if (of->apart ? one->unexplained_apart < other->unexplained_apart : one->unexplained < other->unexplained)
-            *best = row;
-    }
-    HADA_TRY(left_with(of, chosen, err));
-    HADA_TRY(left_with(of, *best, err));
-    *best = of->left[chosen] < of->left[*best] ? chosen : *best;
-    for (int before = -1; before != *best;) {
-        before = *best;
-        for (int row = hada_most(before - 1, 0); row <= hada_least(before + 1, of->rows - 1); row++) {
-            HADA_TRY(left_with(of, row, err));
-            *best = of->left[row] < of->left[*best] ? row : *best;
-        }
-    }
-    return HADA_OK;
-}
-
-/* Looks for the best row, which the survey then has where it is sure; *least: what it leaves. */
-static hada_status confirm(confirming *of, int apart, int *row, double *least, hada_error *err)
-{
-    const int chosen = of->chosen;
-    const double response = of->survey->rows[chosen]->response;
-    const int dark = of->options.find_dark && !of->at.centred;
-    const double sure = dark ? SURE_WITH_DARK : response == HADA_RESPONSE_LINEAR ? SURE : NEARLY_SURE;
-    int best;
-    of->apart = apart;
-    memset(of->left, 0, (size_t)of->rows * sizeof *of->left);
-    HADA_TRY(find_row(of, &best, err));
-    *row = of->left[best] < sure * of->left[chosen] ? best : chosen;
-    *least = of->left[best];
-    return HADA_OK;
 }
 
 /* Whether it is worth a look: on small copies exposures of their own leave less than this share of what is unexplained.
@@ -142,29 +100,26 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
 {
     confirming of = {0};
     hada_survey *exposures = NULL;
-    int alike = 0, apart = 0;
     const int looks = may_be_apart(survey, exposure);
     double left_alike = INFINITY, left_apart = INFINITY;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
     if (!of.rows || (of.rows == 1 && !looks))
         goto done;
-    if (exposure != HADA_EXPOSURE_EACH)
-        HADA_TRY_OR_DONE(confirm(&of, 0, &alike, &left_alike, err));
+    if (looks && exposure != HADA_EXPOSURE_EACH)
+        HADA_TRY_OR_DONE(left_with(&of, 0, &left_alike, err));
     if (looks)
-        HADA_TRY_OR_DONE(confirm(&of, 1, &apart, &left_apart, err));
+        HADA_TRY_OR_DONE(left_with(&of, 1, &left_apart, err));
     if (left_apart < SURE * left_alike) {
-        of.options.scene_response = survey->rows[apart]->response;
         HADA_TRY_OR_DONE(hada_survey_create(&exposures, &of.options, pairs, HADA_EXPOSURE_EACH, err));
-        hada_survey_choose(survey, survey->rows[apart], exposures);
+        hada_survey_choose(survey, survey->rows[of.chosen], exposures);
         for (int z = 0; z < fit->depths; z++)
             HADA_TRY_OR_DONE(hada_fit_expose_depth(survey, fit, z, context, pairs, err));
         HADA_TRY_OR_DONE(hada_fit_level_depths(survey, fit, context, pairs, err));
     } else {
-        hada_survey_choose(survey, survey->rows[alike], NULL);
+        hada_survey_choose(survey, survey->rows[of.chosen], NULL);
     }
 done:
-    free(of.left);
     hada_survey_destroy(&exposures);
     return status;
 }
@@ -176,18 +131,16 @@ static hada_status left_of(const hada_fit_options *fit, hada_context *context, c
     confirming of = {0};
     hada_survey *survey = NULL;
     double apart = INFINITY;
-    int row;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_AUTO, err));
     HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
     if (!of.rows)
         goto done;
-    HADA_TRY_OR_DONE(confirm(&of, 0, &row, left, err));
+    HADA_TRY_OR_DONE(left_with(&of, 0, left, err));
     if (may_be_apart(survey, HADA_EXPOSURE_AUTO))
-        HADA_TRY_OR_DONE(confirm(&of, 1, &row, &apart, err));
+        HADA_TRY_OR_DONE(left_with(&of, 1, &apart, err));
     *left = fmin(*left, apart);
 done:
-    free(of.left);
     hada_survey_destroy(&survey);
     return status;
 }

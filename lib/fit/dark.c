@@ -38,6 +38,9 @@ static const struct {
 #define LIT_EVENLY  1.5
 #define LITTLE_MORE 2.2
 
+/* Linear scenes and those for displays are the usual ones: they may leave so much more than another response. */
+#define USUAL 2.1
+
 /* Of Gaussian noise one value in a hundred is so many standard deviations below the mean. */
 #define FIRST_PERCENTILE 2.326
 
@@ -342,4 +345,38 @@ hada_status hada_fit_find_common_light(const hada_fit_options *options, const ha
     double level;
     int lit;
     return find_exactly(options, pairs, &options->scene_response, guess, &level, light, &lit, err);
+}
+
+hada_status hada_fit_find_response(const hada_fit_options *options, const hada_dataset *pairs, int lit,
+                                   const double *responses, int count, int *best, hada_error *err)
+{
+    hada_sample work = {.options = *options,
+                        .pairs = pairs,
+                        .counts = hada_dataset_get_info(pairs)->counts,
+                        .grid = COMPARED_ON,
+                        .tried = count,
+                        .response = responses};
+    hada_light_fit *fit = NULL;
+    double left[HADA_SAMPLE_RESPONSES], least = INFINITY;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_sample_begin(&work, err));
+    if (work.count < HADA_SAMPLE_LEAST)
+        goto done;
+    HADA_TRY_OR_DONE(hada_light_fit_create(&fit, &work, options->boundary != HADA_BOUNDARY_CIRCULAR, err));
+    for (int r = 0; r < count; r++) {
+        judged now = {.guess = {.response = r, .apart = 1, .kind = lit ? HADA_LIGHT_SURFACE : HADA_LIGHT_NONE}};
+        HADA_TRY_OR_DONE(hada_progress_step(&work.progress, NULL, err));
+        judge(fit, &work, 1, &now);
+        left[r] = now.mean[COARSE];
+        *best = left[r] < least ? r : *best;
+        least = fmin(least, left[r]);
+    }
+    for (int r = count - 1; r >= 0; r--)
+        if ((responses[r] == HADA_RESPONSE_LINEAR || responses[r] == HADA_RESPONSE_SRGB) &&
+            left[r] < least + log(USUAL))
+            *best = r;
+done:
+    hada_light_fit_destroy(&fit);
+    hada_sample_end(&work);
+    return status;
 }

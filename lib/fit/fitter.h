@@ -104,6 +104,10 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
 hada_status hada_fit_refine_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
 hada_status hada_fit_find_common_light(const hada_fit_options *options, const hada_dataset *pairs, hada_image *light,
                                        hada_error *err);
+/* Of pairs whose exposures differ: the response of those with which least is left of held-out frames; *best, its
+ * number, stays where too few pairs say. lit: they may hold light. */
+hada_status hada_fit_find_response(const hada_fit_options *options, const hada_dataset *pairs, int lit,
+                                   const double *responses, int count, int *best, hada_error *err);
 /* Light that comes from no scene and differs from frame to frame, a smooth surface of each: [pair][channel]
  * [HADA_SMOOTH_TERMS], by hada_pair_number(), free(); NULL where a depth has fewer than three pairs. apart: frames may
  * differ in exposure as well. */

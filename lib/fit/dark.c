@@ -1,6 +1,6 @@
 /* What the frames of pairs hold without the scenes' light: a dark level, or light of the room as a smooth surface, of
  * all frames or of each. Whichever leaves clearly least of frames that are held out, with the response and exposures
- * that suit it, is taken; the simplest where several do. */
+ * that suit it, is taken; the simplest where several do. And the response of scenes, found in the same way. */
 #include <hadalens/response.h>
 
 #include "fit/fitter.h"
@@ -38,7 +38,7 @@ static const struct {
 #define LIT_EVENLY  1.5
 #define LITTLE_MORE 2.2
 
-/* Linear scenes and those for displays are the usual ones: they may leave so much more than another response. */
+/* Exposures alike, linear scenes and those for displays are the usual ones: they may leave so much more than others. */
 #define USUAL 2.1
 
 /* Of Gaussian noise one value in a hundred is so many standard deviations below the mean. */
@@ -357,23 +357,27 @@ hada_status hada_fit_find_response(const hada_fit_options *options, const hada_d
                         .tried = count,
                         .response = responses};
     hada_light_fit *fit = NULL;
-    double left[HADA_SAMPLE_RESPONSES], least = INFINITY;
+    double left[2][HADA_SAMPLE_RESPONSES], least[] = {INFINITY, INFINITY};
+    int best_of[2] = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_sample_begin(&work, err));
     if (work.count < HADA_SAMPLE_LEAST)
         goto done;
     HADA_TRY_OR_DONE(hada_light_fit_create(&fit, &work, options->boundary != HADA_BOUNDARY_CIRCULAR, err));
-    for (int r = 0; r < count; r++) {
-        judged now = {.guess = {.response = r, .apart = 1, .kind = lit ? HADA_LIGHT_SURFACE : HADA_LIGHT_NONE}};
+    for (int i = 0; i < 2 * count; i++) {
+        const int apart = i / count, r = i % count;
+        judged now = {.guess = {.response = r, .apart = apart, .kind = lit ? HADA_LIGHT_SURFACE : HADA_LIGHT_NONE}};
         HADA_TRY_OR_DONE(hada_progress_step(&work.progress, NULL, err));
         judge(fit, &work, 1, &now);
-        left[r] = now.mean[COARSE];
-        *best = left[r] < least ? r : *best;
-        least = fmin(least, left[r]);
+        left[apart][r] = now.mean[COARSE];
+        best_of[apart] = left[apart][r] < least[apart] ? r : best_of[apart];
+        least[apart] = fmin(least[apart], left[apart][r]);
     }
+    const int apart = least[0] > least[1] + log(USUAL); /* exposures alike tell more, where they explain as much */
+    *best = best_of[apart];
     for (int r = count - 1; r >= 0; r--)
         if ((responses[r] == HADA_RESPONSE_LINEAR || responses[r] == HADA_RESPONSE_SRGB) &&
-            left[r] < least + log(USUAL))
+            left[apart][r] < least[apart] + log(USUAL))
             *best = r;
 done:
     hada_light_fit_destroy(&fit);

@@ -373,7 +373,8 @@ hada_status hada_fit_find_response(const hada_fit_options *options, const hada_d
         best_of[apart] = left[apart][r] < least[apart] ? r : best_of[apart];
         least[apart] = fmin(least[apart], left[apart][r]);
     }
-    const int apart = least[0] > least[1] + log(USUAL); /* exposures alike tell more, where they explain as much */
+    /* exposures alike tell more where they explain as much, but not beside light that was taken off each frame */
+    const int apart = pairs->light || least[0] > least[1] + log(USUAL);
     *best = best_of[apart];
     for (int r = count - 1; r >= 0; r--)
         if ((responses[r] == HADA_RESPONSE_LINEAR || responses[r] == HADA_RESPONSE_SRGB) &&

@@ -96,9 +96,8 @@ static double place(int i, int count, int factor, int whole)
 double hada_sample_term(const hada_sample *work, int k, int row, int col)
 {
     const hada_image *frame = &work->frame[0];
-    const int factor = work->reducer.factor;
-    return hada_smooth_term(k, place(row, frame->rows, factor, work->options.raw_rows),
-                            place(col, frame->cols, factor, work->options.raw_cols));
+    return hada_smooth_term(k, place(row, frame->rows, work->reducer.factor, work->options.raw_rows),
+                            place(col, frame->cols, work->reducer.factor, work->options.raw_cols));
 }
 
 void hada_sample_compare(hada_sample *work)

@@ -104,7 +104,7 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
     double left_alike = INFINITY, left_apart = INFINITY;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
-    if (!of.rows || (of.rows == 1 && !looks))
+    if (!of.rows)
         goto done;
     if (looks && exposure != HADA_EXPOSURE_EACH)
         HADA_TRY_OR_DONE(left_with(&of, 0, &left_alike, err));

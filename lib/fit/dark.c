@@ -192,10 +192,11 @@ static int is_least(const judged *all, hada_light_kind most, const judged *chose
 static hada_status choose_of_many(hada_light_fit *fit, hada_sample *work, hada_light_kind most, judged *chosen,
                                   hada_error *err)
 {
-    judged all[HADA_COUNT(assumptions)];
+    judged all[HADA_COUNT(assumptions)] = {{.mean = {0.0}}};
     for (size_t a = 0; a < HADA_COUNT(assumptions); a++) {
         HADA_TRY(hada_progress_step(&work->progress, NULL, err));
-        all[a] = judge_responses(fit, work, assumptions[a].kind, assumptions[a].apart);
+        if (assumptions[a].kind <= most)
+            all[a] = judge_responses(fit, work, assumptions[a].kind, assumptions[a].apart);
     }
     *chosen = all[0];
     for (size_t a = 1; a < HADA_COUNT(assumptions) && !is_least(all, most, chosen); a++) {
@@ -239,6 +240,7 @@ static hada_status are_lit(hada_light_fit *fit, const hada_sample *work, int *li
 static hada_status choose_of_few(hada_light_fit *fit, hada_sample *work, hada_light_kind most, judged *chosen,
                                  hada_error *err)
 {
+    const double nothing = least_left(work);
     double left[2 * HADA_LIGHT_KINDS], least = INFINITY;
     judged own;
     int lit;
@@ -256,15 +258,12 @@ static hada_status choose_of_few(hada_light_fit *fit, hada_sample *work, hada_li
         hada_light_fit_run(fit, work->options.channels / 2, guess, NULL, of, NULL);
         left[a] = 0.0;
         for (int k = 0; k < work->count; k++)
-            left[a] += log(fmax(of[k].whole, least_left(work))) / work->count;
+            left[a] += log(fmax(of[k].whole, nothing)) / work->count;
         least = fmin(least, left[a]);
     }
-    for (int a = 0; a < 2 * ((int)most + 1); a++)
-        if (left[a] < least + log(LITTLE_MORE)) {
-            chosen->guess.kind = (hada_light_kind)(a / 2);
-            chosen->guess.apart = a % 2;
-            break;
-        }
+    for (int a = 2 * (int)most + 1; a >= 0; a--)
+        if (left[a] < least + log(LITTLE_MORE))
+            chosen->guess = (hada_light_guess){own.guess.response, a % 2, (hada_light_kind)(a / 2)};
     return HADA_OK;
 }
 

@@ -104,8 +104,8 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
 hada_status hada_fit_refine_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
 hada_status hada_fit_find_common_light(const hada_fit_options *options, const hada_dataset *pairs, hada_image *light,
                                        hada_error *err);
-/* Of pairs whose exposures differ: the response of those with which least is left of held-out frames; *best, its
- * number, stays where too few pairs say. lit: they may hold light. */
+/* The response with which pairs leave least of held-out frames, whether or not their exposures differ. *best becomes
+ * its number, and stays as it is where there are too few pairs. lit: all frames may hold light beside their scenes'. */
 hada_status hada_fit_find_response(const hada_fit_options *options, const hada_dataset *pairs, int lit,
                                    const double *responses, int count, int *best, hada_error *err);
 /* Light that comes from no scene and differs from frame to frame, a smooth surface of each: [pair][channel]

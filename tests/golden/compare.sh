@@ -3,11 +3,10 @@
 #   tests/golden/compare.sh OLD_HADALENS NEW_HADALENS [FOLDER]
 #   tests/golden/compare.sh stored HADALENS [FOLDER]
 # OLD_HADALENS may also be a list of hashes that whole_way.sh left earlier; 'stored' is the list in whole_way/ of
-# machines like this one (where there are several, of different processors, the nearest), or, where there is none, another
-# run of the same program. The files stay in FOLDER (default: a scratch folder that is removed). Prints what differs; exit
-# code 1 where something does.
+# machines like this one (of its processors' the nearest), or, where there is none, another run of the same program. The
+# files stay in FOLDER (default: a scratch folder that is removed). Prints what differs; exit code 1 where something does.
 set -euo pipefail
-[ $# -ge 2 ] || { sed -n '2,8s/^# //p' "$0"; exit 2; }
+[ $# -ge 2 ] || { sed -n '2,7s/^# //p' "$0"; exit 2; }
 here=$(dirname "$0")
 if [ $# -ge 3 ]; then
     scratch=$3
@@ -20,8 +19,12 @@ fi
 old=("$1")
 if [ "$1" = stored ]; then
     key=$(python3 "$here/golden_tool.py" key "$2")
-    old=("$here/whole_way/$key"*.txt)
+    old=("$here/whole_way/$key.txt")
     [ -e "${old[0]}" ] || { echo "No list for $key: two runs are compared."; old=("$2"); }
+    for cpu in $(ls "$here/whole_way" | grep -F "$key-"); do # of another processor: the lines that differ
+        awk 'NR == FNR { h[$2] = $1; next } { print ($2 in h ? h[$2] : $1), $2 }' "$here/whole_way/$cpu" "$old" >"$scratch/$cpu"
+        old+=("$scratch/$cpu")
+    done
 fi
 if [ -x "${old[0]}" ]; then
     "$here/whole_way.sh" "${old[0]}" "$scratch/old"
